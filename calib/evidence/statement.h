@@ -34,6 +34,6 @@ bool is_below(const Statement& node, const Statement& other);  // `other` below 
 std::string words_of_probability(double probability);
 // "the bias of accelerometer y depends on the specific force (0.98), perhaps by accel_second_order (0.91)": what is said, and by which formulas.
 std::string words_of(const Statements& statements);
-std::string reason_of(const Statements& statements);
+std::string reason_of(const Statements& statements);  // those, and how probable it is that anything is missing
 
 }  // namespace turncal

@@ -300,13 +300,12 @@ Result<RunPlan> plan_run(const RunRequest& request) {
         "--unit: {} units: expected at most {}{}", wanted.units.size(), places(run),
         wanted.dry_run ? " in a dry run" : ", as station '" + run.station.name + "' has places (imu.2.device ...)");
 
-  if (!wanted.sequence.empty() && wanted.sequence != builtin_verify_name)
-    wanted.sequence = TRY(read_sequence(wanted.sequence)).file;
-  const std::string sequence_text =
-      TRY(wanted.sequence == builtin_verify_name ? Result<std::string>(std::string(builtin_verify_text))
-                                                 : text_of(wanted.sequence, std::string(builtin_sequence_text)));
-  run.sequence = TRY(parse_sequence(sequence_text, wanted.sequence.empty() ? builtin_sequence_name : request.sequence));
-  run.hashes.sequence = hash_of_text(sequence_text);
+  const bool seeks = wanted.sequence == builtin_verify_name, built_in = seeks || wanted.sequence.empty();
+  run.sequence = TRY(!built_in ? read_sequence(wanted.sequence)
+                     : seeks   ? parse_sequence(std::string(builtin_verify_text), builtin_verify_name)
+                               : parse_sequence(std::string(builtin_sequence_text), builtin_sequence_name));
+  if (!built_in) wanted.sequence = std::filesystem::absolute(run.sequence.file).lexically_normal().string();
+  run.hashes.sequence = hash_of_text(run.sequence.text);
   TRY(prepare_verification(run));
   TRY(check_until_sigma(run));
   if (wanted.settle_minutes && *wanted.settle_minutes > 0.0 && settling_allowed_s(run) <= 0.0)

@@ -94,7 +94,7 @@ std::string format_navigation(const NavigationReport& report) {
   for (const NavigatedFile& file : report.files) {
     lines.text(file.prefix + "parameters", file.path);
     lines.text(file.prefix + "model", file.model);
-    lines.flag(file.prefix + "trusted", file.trusted);
+    lines.flag(file.prefix + "trusted", file.why_not_trusted.empty());
     lines.text(file.prefix + "trusted.reason", file.why_not_trusted);
     lines.number(file.prefix + "felt_latitude_deg", file.felt.latitude_rad / rad_per_deg);
     lines.number(file.prefix + "felt_latitude_sigma_deg", file.felt.sigma_rad / rad_per_deg);
@@ -187,9 +187,10 @@ Document navigation_document(const NavigationReport& report) {
   if (report.info.simulated) document.add(Paragraph{"Simulated data: no real unit navigated.", "loud"}, Scope::page);
   const NavigatedFile& judged = report.files.front();
   const std::string expected = judged.expected ? "; expected: " + drift_words(*judged.expected) : "";
-  const std::string trust = judged.trusted ? "" : "; the parameters are not trusted: " + judged.why_not_trusted;
+  const bool trusted = judged.why_not_trusted.empty();
+  const std::string trust = trusted ? "" : "; the parameters are not trusted: " + judged.why_not_trusted;
   document.add(Paragraph{"Drift: " + drift_words(judged.drift) + expected + trust + ".",
-                         judged.trusted ? "verdict" : "verdict unexplained"},
+                         trusted ? "verdict" : "verdict unexplained"},
                Scope::page);
   document.figure(navigation_figure(report));
   if (report.without_segments && report.request.reference.empty())
@@ -237,7 +238,7 @@ Document navigation_document(const NavigationReport& report) {
     if (file.felt.speaks_against(report.info.latitude_deg * rad_per_deg))
       facts.add("LATITUDE",
                 latitude_words(file.felt, report.info.latitude_deg) + ": one of the two, or the calibration, is wrong");
-    if (!file.trusted) facts.add("not trusted", file.why_not_trusted);
+    if (!file.why_not_trusted.empty()) facts.add("not trusted", file.why_not_trusted);
     document.add(std::move(facts));
   }
   return document;

@@ -35,9 +35,8 @@ struct NavigatedFile {  // one parameter file
   std::string path;
   std::string model;
   std::string covariance_source;
-  bool trusted = true;  // as the file says of itself
-  std::string why_not_trusted;
-  bool noise_assumed = false;  // the file has none
+  std::string why_not_trusted;  // as the file says of itself; empty: it is trusted
+  bool noise_assumed = false;   // the file has none
   FeltSite felt;
   std::vector<NavigatedBranch> branches;
   DriftOverRuns drift;

@@ -98,7 +98,6 @@ Result<NavigatedFile> navigate_file(const ParameterFile& file, const std::string
   result.path = path;
   result.model = file.model;
   result.covariance_source = covariance.source;
-  result.trusted = is_trusted(file);
   result.why_not_trusted = why_not_trusted(file);
   result.noise_assumed = !has_noise(file);
   result.felt = felt_site(intervals, noise, covariance.covariance);
