@@ -127,11 +127,11 @@ std::string did_you_mean(std::string_view typed, const std::vector<std::string>&
   constexpr std::size_t longest = 80;  // nobody means a word with that; the work is bounded
   if (typed.empty() || typed.size() > longest) return "";
   const std::size_t most = std::min<std::size_t>(3, (typed.size() + 1) / 3);
-  std::pair<std::size_t, bool> closest(most + 1, false);
+  std::pair<std::size_t, std::ptrdiff_t> closest(most, 1);
   std::string meant;
   for (const std::string& word : known) {
     if (word.empty() || word.size() > longest) continue;
-    const std::pair<std::size_t, bool> distance(edit_distance(typed, word), typed.front() != word.front());
+    const std::pair distance(edit_distance(typed, word), typed.begin() - std::ranges::mismatch(typed, word).in1);
     if (distance < closest) std::tie(closest, meant) = std::tuple(distance, word);
   }
   return meant.empty() ? "" : "; did you mean " + turncal::quoted(meant) + "?";

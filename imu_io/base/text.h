@@ -101,8 +101,8 @@ std::optional<double> device_number(std::string_view text, bool decimal_comma = 
 // (optimal string alignment), in either case. Close is up to one error for every three letters of what was typed, three at most.
 std::size_t edit_distance(std::string_view a, std::string_view b);
 
-// "; did you mean 'run'?", to put behind a message; nothing when no word is close. Of equally close ones: one with the same first
-// letter, then the first.
+// "; did you mean 'run'?", to put behind a message; nothing when no word is close. Of equally close ones: the one
+// with the longest beginning typed as it is, then the first.
 std::string did_you_mean(std::string_view typed, const std::vector<std::string>& known);
 
 // ---- enumerators and their words ----
