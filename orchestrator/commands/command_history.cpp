@@ -17,7 +17,7 @@
 #include "orchestrator/commands/commands.h"
 #include "orchestrator/jobs/run.h"
 #include "orchestrator/line/parameter_history.h"
-#include "orchestrator/line_report/shift_document.h"
+#include "orchestrator/line/shift_report.h"
 #include "orchestrator/records/journal.h"
 #include "orchestrator/records/output_folder.h"
 #include "orchestrator/records/parameter_store.h"

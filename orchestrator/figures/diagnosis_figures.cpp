@@ -4,7 +4,10 @@
 
 #include <algorithm>
 #include <array>
+#include <cmath>
 
+#include "calib/evidence/holdout.h"
+#include "calib/model/attitude.h"
 #include "calib/model/effects.h"
 #include "calib/statistics/numerics.h"
 #include "imu_io/base/text.h"
@@ -192,6 +195,381 @@ std::vector<const CandidateScore*> strongest_candidates(const Diagnosis& diagnos
   }
   std::ranges::stable_sort(found, [](auto* a, auto* b) { return std::abs(a->z) > std::abs(b->z); });
   return found;
+}
+
+// ---- the residual, dwell by dwell ----
+
+namespace {
+
+using Eigen::Vector3d;
+constexpr std::size_t fewest_seconds = 8;
+
+double within_180(double angle_deg) { return std::remainder(angle_deg, 360.0); }
+
+// The motion between the rest that ends before block `end` and that block.
+void add_motion(const CompressedRecording& recording, const SensorModel& model, std::size_t end, DwellResidual& dwell) {
+  for (std::size_t k = std::min(end, recording.blocks.size()); k-- > 0;) {
+    const Block& block = recording.blocks[k];
+    if (recording.segments[std::size_t(block.segment)].kind != SegmentKind::rotate) {
+      if (block.whole_second) return;
+      continue;
+    }
+    dwell.add_turn(block, model);
+  }
+}
+
+DwellResidual::Side fit_side(const std::vector<ResidualPoint>& points, std::size_t first, std::size_t last, bool after,
+                             const Eigen::Matrix3d& C_nb, double gravity_mps2) {
+  const auto rows = Eigen::Index(last - first);
+  Eigen::MatrixX3d shape(rows, 3);
+  Eigen::MatrixX3d v(rows, 3);
+  const double start_s = points[first].time_s;
+  const double middle_s = 0.5 * (points[last - 1].time_s - start_s);
+  for (Eigen::Index i = 0; i < rows; ++i) {
+    const ResidualPoint& p = points[first + std::size_t(i)];
+    const double t = p.time_s - start_s;
+    shape.row(i) << 1.0, t, 0.5 * t * (t - 2.0 * middle_s);  // the slope is that of the middle
+    v.row(i) = (after ? p.velocity_after_mps : p.velocity_before_mps).transpose();
+  }
+  Eigen::Matrix3d fit;
+  for (int k = 0; k < 3; ++k) fit.col(k) = least_squares(shape, v.col(k)).x;
+  const Vector3d a = fit.row(1).transpose();
+  const Vector3d j = fit.row(2).transpose();
+  DwellResidual::Side side;
+  side.velocity_mps = fit.row(0).transpose();
+  side.accel_mps2 = C_nb.transpose() * a;
+  side.tilt_rad = C_nb.transpose() * Vector3d(a.z(), 0.0, -a.x()) / gravity_mps2;
+  side.gyro_radps = C_nb.transpose() * Vector3d(j.z(), 0.0, -j.x()) / gravity_mps2;
+  return side;
+}
+
+}  // namespace
+
+void DwellResidual::add_turn(const Block& block, const SensorModel& model) {
+  const Vector3d turn = model.gyro_scale * block.gyro - model.gyro_bias_radps * block.duration_s;
+  turned_rad += turn;
+  const Vector3d rate = turn / block.duration_s;
+  for (int axis = 0; axis < 3; ++axis)
+    if (std::abs(rate[axis]) > std::abs(fastest_radps[axis])) fastest_radps[axis] = rate[axis];
+}
+
+std::vector<std::pair<std::size_t, std::size_t>> rests(const std::vector<ResidualPoint>& points) {
+  std::vector<std::pair<std::size_t, std::size_t>> result;
+  for (std::size_t i = 0; i < points.size(); ++i) {
+    const bool begins =
+        i == 0 || points[i].since_rotation_s <= points[i - 1].since_rotation_s ||
+        points[i].time_s - points[i - 1].time_s > 1.5 * (points[i].since_rotation_s - points[i - 1].since_rotation_s);
+    if (begins) result.emplace_back(i, i);
+    result.back().second = i + 1;
+  }
+  return result;
+}
+
+std::vector<DwellResidual> dwell_residuals(const Diagnosis& diagnosis, const CompressedRecording& recording) {
+  const std::vector<ResidualPoint>& points = diagnosis.residuals;
+  const SensorModel model = sensor_model(diagnosis.base.parameters, recording.info);
+  std::vector<DwellResidual> result;
+  for (auto [first, last] : rests(points)) {
+    if (before_any_rotation(points[first])) continue;
+    while (last > first && points[last - 1].time_s - points[first].time_s > fit_window_s) --last;
+    if (last - first < fewest_seconds) continue;
+    const ResidualPoint& p = points[first];
+    if (p.segment < 0 || std::size_t(p.segment) >= recording.segments.size()) continue;
+    const Segment& segment = recording.segments[std::size_t(p.segment)];
+    DwellResidual d;
+    d.segment = p.segment;
+    d.step = segment.step;
+    d.time_s = 0.5 * (p.time_s + points[last - 1].time_s);
+    d.table_deg = {within_180(segment.heading_deg), within_180(segment.pitch_deg), within_180(segment.roll_deg)};
+    Vector3d f = Vector3d::Zero();
+    double temperature = 0.0;
+    for (std::size_t i = first; i < last; ++i) {
+      f += points[i].f_b_mps2;
+      temperature += points[i].temperature_c;
+    }
+    f /= double(last - first);
+    d.f_b_g = f / standard_gravity_mps2;
+    d.temperature_c = recording.info.has_temperature ? temperature / double(last - first) : no_point;
+    const Eigen::Matrix3d C_nb =
+        level(attitude_from_angles(segment.heading_deg * rad_per_deg, segment.pitch_deg * rad_per_deg,
+                                   segment.roll_deg * rad_per_deg),
+              f);
+    d.level_share = (Vector3d::Ones() - C_nb.row(1).transpose().cwiseAbs2()).cwiseMax(0.0).cwiseSqrt();
+    d.before = fit_side(points, first, last, false, C_nb, recording.info.gravity_mps2);
+    d.after = fit_side(points, first, last, true, C_nb, recording.info.gravity_mps2);
+    add_motion(recording, model, p.block, d);
+    result.push_back(d);
+  }
+  return result;
+}
+
+double velocity_rms_mps(const Diagnosis& diagnosis, bool after) {
+  double sum = 0.0;
+  double count = 0.0;
+  for (const auto& [first, last] : rests(diagnosis.residuals))
+    for (std::size_t i = first; i < std::min(last, first + velocity_seconds); ++i) {
+      const ResidualPoint& p = diagnosis.residuals[i];
+      sum += (after ? p.velocity_after_mps : p.velocity_before_mps).squaredNorm();
+      count += 1.0;
+    }
+  return count > 0.0 ? std::sqrt(sum / count) : no_point;
+}
+
+namespace {
+
+constexpr std::size_t markers_a_series = 300;  // more would make the page heavy, not clearer
+constexpr double horizontal = 0.5;             // level_share above which an axis shows its tilt and its gyro
+constexpr double real_turn_rad = 0.2;          // smaller ones are table errors
+constexpr double loaded_g = 0.3;               // specific force that shows a scale factor
+
+// Sensor axis and the axes of what it depends on, from the component's name: x, xy, x_yz; -1 where there is none.
+struct ComponentAxes {
+  int sensor = -1, first = -1, second = -1;
+};
+ComponentAxes axes_of(std::string_view component) {
+  const auto axis = [&](std::size_t at) {
+    return at < component.size() && component[at] >= 'x' && component[at] <= 'z' ? component[at] - 'x' : -1;
+  };
+  if (component.size() == 1) return {axis(0), axis(0), -1};
+  if (component.size() == 2) return {axis(0), axis(1) < 0 ? axis(0) : axis(1), -1};
+  if (component.size() >= 4 && component[1] == '_') return {axis(0), axis(2), axis(3)};
+  return {};
+}
+
+struct Abscissa {
+  const char* label;  // {0}: the sensor's axis, {1} and {2}: those of what it depends on
+  bool angle;
+  double (*value)(const DwellResidual&, const ComponentAxes&);  // NaN: this dwell does not show it
+};
+constexpr Abscissa by_force = {"specific force along {1}, g", false,
+                               [](const DwellResidual& d, const ComponentAxes& a) { return d.f_b_g[a.first]; }};
+constexpr Abscissa by_product = {"f{1} f{2}, g²", false, [](const DwellResidual& d, const ComponentAxes& a) {
+                                   return a.second < 0 ? no_point : d.f_b_g[a.first] * d.f_b_g[a.second];
+                                 }};
+constexpr Abscissa by_temperature = {"temperature, °C", false,
+                                     [](const DwellResidual& d, const ComponentAxes&) { return d.temperature_c; }};
+constexpr Abscissa by_time = {"time, min", false,
+                              [](const DwellResidual& d, const ComponentAxes&) { return d.time_s / 60.0; }};
+constexpr Abscissa since_rotation = {"time since rotation, s", false, nullptr};  // seconds, not dwells
+constexpr Abscissa by_any_turn = {"turned before the dwell, °", true, [](const DwellResidual& d, const ComponentAxes&) {
+                                    int axis = 0;
+                                    d.turned_rad.cwiseAbs().maxCoeff(&axis);
+                                    const double turned_rad = d.turned_rad[axis];
+                                    return std::abs(turned_rad) < real_turn_rad ? no_point : turned_rad / rad_per_deg;
+                                  }};
+double rate_before(const DwellResidual& d, const ComponentAxes& a) {
+  return std::abs(d.turned_rad[a.sensor]) < real_turn_rad ? no_point : d.fastest_radps[a.sensor] / rad_per_deg;
+}
+constexpr Abscissa by_rate = {"rate about {0}, °/s", false, rate_before};
+constexpr Abscissa by_heading = {"heading, °", true,
+                                 [](const DwellResidual& d, const ComponentAxes&) { return d.table_deg[0]; }};
+
+// An error of one axis, in a unit that suits the largest of all dwells.
+struct Ordinate {
+  const char* label;  // {0}: the axis, {1}: the unit, {2}: the axis of n
+  Vector3d DwellResidual::Side::*value;
+  DisplayUnit (*unit)(double largest);
+  double (*over)(const DwellResidual&, int axis);  // the value is shown over it; NaN: this dwell does not show it
+  const char* caption;
+};
+double if_level(const DwellResidual& d, int axis) { return d.level_share[axis] < horizontal ? no_point : 1.0; }
+constexpr const char* of_slope = "One point a dwell: the slope of the residual velocity along the axis of the sensor.";
+constexpr const char* of_tilt =
+    "One point a dwell in which the axis lay horizontal: the tilt error that the rotation before it left behind.";
+constexpr Ordinate as_accel = {"accelerometer {0}, {1}", &DwellResidual::Side::accel_mps2, acceleration_unit,
+                               [](const DwellResidual&, int) { return 1.0; }, of_slope};
+constexpr Ordinate as_accel_per_g = {
+    "accelerometer {0} per g, {1}/g", &DwellResidual::Side::accel_mps2, acceleration_unit,
+    [](const DwellResidual& d, int axis) { return std::abs(d.f_b_g[axis]) < loaded_g ? no_point : d.f_b_g[axis]; },
+    of_slope};
+constexpr Ordinate as_tilt = {"tilt about {0}, {1}", &DwellResidual::Side::tilt_rad, angle_unit, if_level, of_tilt};
+constexpr Ordinate as_tilt_per_turn = {"tilt per turn about {0}, {1}", &DwellResidual::Side::tilt_rad,
+                                       [](double) {
+                                         return DisplayUnit{1e6, "ppm"};
+                                       },
+                                       [](const DwellResidual& d, int axis) {
+                                         const double turn_rad = d.turned_rad[axis];
+                                         return std::abs(turn_rad) < real_turn_rad ? no_point
+                                                                                   : turn_rad * if_level(d, axis);
+                                       },
+                                       of_tilt};
+constexpr Ordinate as_gyro = {"gyro {0}, {1}", &DwellResidual::Side::gyro_radps, rate_unit, if_level,
+                              "One point a dwell in which the axis lay horizontal: the curvature of the residual "
+                              "velocity, as an error of the gyro along it."};
+constexpr Ordinate as_velocity = {"velocity {2}, {1}", &DwellResidual::Side::velocity_mps, velocity_unit,
+                                  [](const DwellResidual&, int) { return 1.0; },
+                                  "One point a dwell: the velocity that the rotation before it left behind."};
+
+// What the eye needs to see an effect: by what it acts on, and what drives it.
+struct PlotAxes {
+  const Abscissa& x;
+  const Ordinate& y;
+  bool all_axes = false;  // whatever the component: it acts across the axes
+};
+PlotAxes plot_axes_of(const EffectEntry& e) {
+  const bool accel = e.sensor == Sensor::accelerometer, product = e.components.front().size() > 3;  // x_yz
+  if (e.driver == Driver::turns) return {since_rotation, as_velocity};
+  if (e.quantity == Quantity::direction) return {by_any_turn, as_tilt, true};
+  if (e.driver == Driver::rate && accel) return {by_any_turn, as_velocity, true};
+  const Abscissa& x = e.driver == Driver::force         ? (product ? by_product : by_force)
+                      : e.driver == Driver::temperature ? by_temperature
+                      : e.driver == Driver::rate        ? by_rate
+                      : e.driver == Driver::field       ? by_heading
+                                                        : by_time;
+  const bool scale = e.quantity == Quantity::scale_factor;
+  const Ordinate& y = scale ? (accel ? as_accel_per_g : as_tilt_per_turn) : (accel ? as_accel : as_gyro);
+  return {x, y, e.sensor == Sensor::earth_rate};
+}
+
+DisplayUnit unit_of(const Ordinate& y, const std::vector<DwellResidual>& dwells) {
+  double largest = 0.0;
+  for (const DwellResidual& d : dwells)
+    for (const DwellResidual::Side* side : {&d.before, &d.after})
+      for (const double x : side->*y.value)
+        if (std::isfinite(x)) largest = std::max(largest, std::abs(x));
+  return y.unit(largest);
+}
+
+const char* name_of(int axis) { return body_names[std::size_t(std::clamp(axis, 0, 2))]; }
+std::string label_of(const Abscissa& x, const ComponentAxes& axes) {
+  return fmt::format(fmt::runtime(x.label), name_of(axes.sensor), name_of(axes.first), name_of(axes.second));
+}
+
+void add_points(const std::vector<DwellResidual>& dwells, DwellResidual::Side DwellResidual::*side, const Abscissa& x,
+                const Ordinate& y, const ComponentAxes& axes, double factor, Series& series) {
+  for (const DwellResidual& d : dwells) {
+    const double at = x.value(d, axes), value = (d.*side.*y.value)[axes.sensor] / y.over(d, axes.sensor) * factor;
+    if (std::isfinite(at) && std::isfinite(value)) series.points.emplace_back(at, value);
+  }
+  series.points = outline(series.points, markers_a_series);
+}
+
+// rms over all dwells of the residual velocity, second by second after the rotation.
+std::vector<Panel> since_rotation_panels(const Diagnosis& diagnosis) {
+  constexpr std::size_t seconds = 100;
+  std::array<std::array<Vector3d, 2>, seconds> sum;
+  std::array<double, seconds> count{};
+  for (auto& s : sum) s.fill(Vector3d::Zero());
+  for (const ResidualPoint& p : diagnosis.residuals) {
+    if (!(p.since_rotation_s >= 0.0) || p.since_rotation_s >= double(seconds)) continue;
+    const auto k = std::size_t(p.since_rotation_s);
+    sum[k][0] += p.velocity_before_mps.cwiseAbs2();
+    sum[k][1] += p.velocity_after_mps.cwiseAbs2();
+    count[k] += 1.0;
+  }
+  double largest = 0.0;
+  for (std::size_t k = 0; k < seconds; ++k)
+    if (count[k] > 0.0) largest = std::max(largest, std::sqrt(sum[k][0].maxCoeff() / count[k]));
+  const DisplayUnit unit = velocity_unit(largest);
+  std::vector<Panel> panels;
+  for (int axis = 0; axis < 3; ++axis) {
+    Panel panel;
+    panel.title = n_names[std::size_t(axis)];
+    panel.x_label = "time since rotation, s";
+    panel.y_label = "rms velocity, " + unit.unit;
+    panel.series = before_after_series(has_after(diagnosis));
+    for (std::size_t s = 0; s < panel.series.size(); ++s)
+      for (std::size_t k = 0; k < seconds; ++k)
+        if (count[k] > 0.0)
+          panel.series[s].points.emplace_back(double(k) + 0.5, std::sqrt(sum[k][s][axis] / count[k]) * unit.factor);
+    panels.push_back(std::move(panel));
+  }
+  return panels;
+}
+
+Panel dwell_panel(const std::vector<DwellResidual>& dwells, const PlotAxes& plot, const ComponentAxes& axes,
+                  bool with_after) {
+  const DisplayUnit unit = unit_of(plot.y, dwells);
+  Panel panel;
+  panel.x_label = label_of(plot.x, axes);
+  panel.y_label =
+      fmt::format(fmt::runtime(plot.y.label), name_of(axes.sensor), unit.unit, n_names[std::size_t(axes.sensor)]);
+  panel.angle = plot.x.angle;
+  panel.series = before_after_series(with_after);
+  for (Series& series : panel.series) {
+    const bool first_of_two = with_after && &series == &panel.series.front();
+    series.style = first_of_two ? Series::Style::open_circle : Series::Style::dot;
+    add_points(dwells, &series == &panel.series.front() ? &DwellResidual::before : &DwellResidual::after, plot.x,
+               plot.y, axes, unit.factor, series);
+  }
+  return panel;
+}
+
+// One row of up to three panels; a single one takes half of the width.
+void arrange(Figure& figure) {
+  figure.columns = int(std::max<std::size_t>(1, figure.panels.size()));
+  figure.panel_width = figure.columns < 3 ? 480 : 320;
+  figure.panel_height = 270;
+}
+
+}  // namespace
+
+Figure effect_figure(const Diagnosis& diagnosis, const std::vector<DwellResidual>& dwells, const std::string& effect,
+                     std::size_t number) {
+  constexpr std::size_t most_panels = 3;
+  const std::vector<const EstimatedEffect*> components = strongest_of(diagnosis.extended, effect);
+  const PlotAxes plot = plot_axes_of(*components.front()->column.entry);
+  Figure figure{"effect" + std::to_string(number), "Residual against what " + effect + " depends on", ""};
+  if (&plot.x == &since_rotation) {
+    figure.panels = since_rotation_panels(diagnosis);
+    arrange(figure);
+    figure.caption = "Root mean square over all dwells, second by second after the rotation.";
+    return figure;
+  }
+  if (plot.all_axes) {
+    for (int axis = 0; axis < 3; ++axis)
+      figure.panels.push_back(dwell_panel(dwells, plot, {axis, axis, -1}, has_after(diagnosis)));
+  } else {
+    for (const EstimatedEffect* e : components) {
+      const std::string component = component_name(e->column);
+      const ComponentAxes axes = axes_of(component);
+      if (axes.sensor < 0) continue;
+      Panel panel = dwell_panel(dwells, plot, axes, has_after(diagnosis));
+      panel.title = "component " + component;
+      if (!panel.empty() && figure.panels.size() < most_panels) figure.panels.push_back(std::move(panel));
+    }
+  }
+  std::erase_if(figure.panels, [](const Panel& panel) { return panel.empty(); });
+  arrange(figure);
+  figure.caption = plot.y.caption;
+  return figure;
+}
+
+std::vector<Figure> unexplained_figures(const std::vector<DwellResidual>& dwells) {
+  static constexpr Abscissa pitch = {"pitch, °", true,
+                                     [](const DwellResidual& d, const ComponentAxes&) { return d.table_deg[1]; }};
+  static constexpr Abscissa roll = {"roll, °", true,
+                                    [](const DwellResidual& d, const ComponentAxes&) { return d.table_deg[2]; }};
+  static constexpr Abscissa rate_of_each = {"rate about the axis before, °/s", false, rate_before};
+  static constexpr std::pair<const Abscissa&, int> against[] = {{by_heading, 0},   {pitch, 0},          {roll, 0},
+                                                                {by_force, 0},     {by_force, 1},       {by_force, 2},
+                                                                {rate_of_each, 0}, {by_temperature, 0}, {by_time, 0}};
+  std::vector<Figure> figures;
+  for (const Ordinate* y : {&as_accel, &as_gyro}) {
+    const bool of_accel = y == &as_accel;
+    const DisplayUnit unit = unit_of(*y, dwells);
+    Figure figure = small_panels(
+        of_accel ? "asAccel" : "asGyro",
+        "Residual of each dwell as " + std::string(of_accel ? "accelerometer" : "gyro") +
+            " error, against table angles, specific force, rate, temperature and time",
+        of_accel ? "One point a dwell and axis: slope of the residual velocity along the axis, as an error of its "
+                   "accelerometer."
+                 : "One point a dwell and horizontal axis: curvature of the residual velocity, as an error of the "
+                   "gyro along it.");
+    for (const auto& [x, first] : against) {
+      Panel panel;
+      panel.x_label = label_of(x, {0, first, -1});
+      panel.angle = x.angle;
+      panel.y_label = (of_accel ? "accelerometer, " : "gyro, ") + unit.unit;
+      for (int axis = 0; axis < 3; ++axis) {
+        Series& series = panel.series.emplace_back(axis_series(std::size_t(axis)));
+        add_points(dwells, &DwellResidual::before, x, *y, {axis, first, -1}, unit.factor, series);
+      }
+      if (!panel.empty()) figure.panels.push_back(std::move(panel));
+    }
+    if (!figure.panels.empty()) figures.push_back(std::move(figure));
+  }
+  return figures;
 }
 
 }  // namespace turncal

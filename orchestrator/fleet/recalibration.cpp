@@ -1,19 +1,25 @@
 #include "orchestrator/fleet/recalibration.h"
 
 #include <fmt/format.h>
+#include <stdlib.h>
 
 #include <algorithm>
 #include <array>
 #include <atomic>
+#include <chrono>
+#include <cmath>
 #include <filesystem>
 #include <mutex>
 #include <optional>
+#include <set>
 #include <thread>
 
+#include "calib/statistics/numerics.h"
 #include "imu_io/base/clock.h"
 #include "imu_io/base/data_text.h"
 #include "imu_io/base/file_kind.h"
 #include "imu_io/base/files.h"
+#include "imu_io/base/key_value.h"
 #include "imu_io/base/text.h"
 #include "imu_io/recordings/parameter_file.h"
 #include "imu_io/recordings/recording_writer.h"
@@ -21,6 +27,9 @@
 #include "orchestrator/jobs/calibration_job.h"
 #include "orchestrator/records/output_folder.h"
 #include "orchestrator/records/results_database.h"
+#include "orchestrator/report/diagnosis_file.h"
+#include "orchestrator/station/child_program.h"
+#include "orchestrator/station/number_text.h"
 #include "orchestrator/station/station_config.h"
 
 namespace turncal {
@@ -308,6 +317,276 @@ Result<RecalibrationCounts> recalibrate(const std::vector<ArchiveEntry>& archive
   }
   TRY(write_file_atomically(outcome_file(request), table.csv()));
   return counts;
+}
+
+// ---- the archive in chunks, each a task of a Slurm array ----
+
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr std::size_t recordings_of_a_chunk = 100, most_chunks = 1000;
+constexpr double slurm_deadline_s = 60.0;
+
+// $1: the job's folder, $2: the number of chunks, then the command.
+constexpr const char* task_script = R"(#!/bin/sh
+folder=$1 chunks=$2
+shift 2
+exec "$@" --chunk "$SLURM_ARRAY_TASK_ID" "$chunks" --outcome "$folder/$SLURM_ARRAY_TASK_ID.csv"
+)";
+
+struct Job {
+  std::string folder, name;
+  std::vector<std::string> command;  // of a task, with what the script needs
+  std::vector<int> attempts;         // of each chunk
+};
+
+Result<std::string> ask_slurm(const std::string& program, std::vector<std::string> arguments) {
+  arguments.insert(arguments.begin(), program);
+  const Result<ChildEnd> said = pipe_through("slurm-client", std::move(arguments), "", slurm_deadline_s);
+  if (!said) return device_error("engine slurm: " + said.error().message);
+  return said->output;
+}
+
+// The tasks that are not finished and not in the queue, in one array.
+Status submit(Job& job, const std::vector<int>& chunks) {
+  const std::string list = fmt::format("{}", fmt::join(chunks, ","));
+  std::vector<std::string> arguments = {"--parsable", "--requeue", "--job-name", job.name, "--output", "%a.log"};
+  for (const std::string& word : {std::string("--chdir"), job.folder, std::string("--array"), list,
+                                  std::string("--open-mode"), std::string("append"), job.folder + "/task.sh"})
+    arguments.push_back(word);
+  arguments.insert(arguments.end(), job.command.begin(), job.command.end());
+  const std::string id = TRY(ask_slurm("sbatch", std::move(arguments)));
+  for (const int k : chunks) ++job.attempts[std::size_t(k)];
+  return {};
+}
+
+struct Queue {
+  std::map<int, std::string> state;  // of each chunk in it
+  std::string words() const {
+    std::map<std::string, int> counts;
+    for (const auto& [chunk, state_words] : state) ++counts[state_words];
+    std::vector<std::string> parts;
+    for (const auto& [state_words, count] : counts) parts.push_back(fmt::format("{} {}", count, state_words));
+    return join(parts);
+  }
+};
+
+Result<Queue> queue_of(const Job& job) {
+  const std::string text =
+      TRY(ask_slurm("squeue", {"--noheader", "--array", "--name", job.name, "--format", "%K %T %r"}));
+  Queue queue;
+  for (std::string_view remaining = text; !remaining.empty();) {
+    const std::string_view line = trimmed(next_line(remaining));
+    const std::size_t blank = line.find(' ');
+    const std::optional<double> chunk = device_number(line.substr(0, blank));
+    if (!chunk || blank == std::string_view::npos) continue;
+    std::string words(line.substr(blank + 1));
+    if (words.ends_with(" None")) words.resize(words.size() - 5);
+    queue.state[int(*chunk)] = words;
+  }
+  return queue;
+}
+
+std::string file_of(const Job& job, std::size_t chunk, const char* ending) {
+  return job.folder + "/" + std::to_string(chunk) + ending;
+}
+
+std::string last_line(const std::string& path) {
+  const Result<std::string> text = read_whole_file(path);
+  if (!text) return text.error().message;
+  std::string last;
+  for (std::string_view remaining = *text; !remaining.empty();)
+    if (const std::string_view line = trimmed(next_line(remaining)); !line.empty()) last = line;
+  return last.empty() ? path + ": is empty" : last;
+}
+
+Result<Job> prepare(const std::vector<ArchiveEntry>& archive, const RecalibrationRequest& request, std::size_t chunks) {
+  const std::string store = fs::absolute(request.store).lexically_normal().string();
+  const std::string list = TRY(format_archive(archive));
+  TRY(make_folder(store + "/.jobs"));
+  std::string folder = store + "/.jobs/XXXXXX";
+  if (!::mkdtemp(folder.data())) return device_error(folder + ": cannot make");
+  Job job{folder, "turncal-" + folder.substr(folder.size() - 6), {}, std::vector<int>(chunks, 0)};
+  TRY(write_files_atomically({{folder + "/archive.csv", list}, {folder + "/task.sh", task_script}}));
+  std::error_code error;
+  const std::string program = fs::read_symlink("/proc/self/exe", error).string();
+  job.command = {
+      folder, std::to_string(chunks), program,         "recalibrate", folder + "/archive.csv",        "--out",
+      store,  "--as-version",         request.version, "--threads",   std::to_string(request.threads)};
+  if (!request.diagnose) job.command.emplace_back("--no-diagnosis");
+  return job;
+}
+
+// All chunks together as recordings.csv, in the order of the chunks.
+Status collect(const Job& job, const RecalibrationRequest& request) {
+  std::string all = outcome_header;
+  for (std::size_t k = 0; k < job.attempts.size(); ++k) {
+    const Result<std::string> text = read_whole_file(file_of(job, k, ".csv"));
+    if (text && text->starts_with(outcome_header)) all += text->substr(std::string_view(outcome_header).size());
+  }
+  return write_file_atomically(request.store + "/" + request.version + "/" + outcome_name, all);
+}
+
+}  // namespace
+
+Result<RecalibrationCounts> recalibrate_on_slurm(const std::vector<ArchiveEntry>& archive,
+                                                 const RecalibrationRequest& request, const SlurmOptions& options,
+                                                 const RecalibrationProgress& progress) {
+  const std::size_t wanted = options.chunks > 0 ? std::size_t(options.chunks)
+                                                : std::min(archive.size() / recordings_of_a_chunk + 1, most_chunks);
+  const std::size_t chunks = std::min(wanted, archive.size());
+  Job job = TRY(prepare(archive, request, chunks));
+  std::vector<int> open;
+  for (std::size_t k = 0; k < chunks; ++k) open.push_back(int(k));
+  if (Status status = submit(job, open); !status) {
+    std::error_code error;
+    fs::remove_all(job.folder, error);
+    fs::remove(fs::path(job.folder).parent_path(), error);  // where they are empty
+    fs::remove(request.store, error);
+    return status.error();
+  }
+  RecalibrationCounts counts;
+  counts.entries = archive.size();
+  std::vector<int> gone, failed;
+  for (int polls = 1; !open.empty(); ++polls) {
+    std::this_thread::sleep_for(std::chrono::seconds(std::clamp(polls / 10, 1, 15)));
+    const Result<Queue> queue = queue_of(job);  // before the files: what has left the queue has written its file
+    std::vector<int> still, missing;
+    for (const int k : open) {
+      const Result<std::string> text = read_whole_file(file_of(job, std::size_t(k), ".csv"));
+      if (text)
+        count_outcomes(*text, counts);
+      else if (still.push_back(k); queue && !queue->state.contains(k))
+        missing.push_back(k);
+    }
+    open = still;
+    // Twice in a row: a file server may show a file late.
+    std::vector<int> again;
+    std::set_intersection(missing.begin(), missing.end(), gone.begin(), gone.end(), std::back_inserter(again));
+    gone = missing;
+    std::erase_if(again, [&](int k) {
+      if (job.attempts[std::size_t(k)] < options.most_attempts) return false;
+      failed.push_back(k);
+      std::erase(open, k);
+      return true;
+    });
+    if (!again.empty()) {
+      TRY(submit(job, again));
+      gone.clear();
+    }
+    counts.waiting = queue ? queue->words() : queue.error().message;
+    progress(counts);
+  }
+  counts.waiting.clear();
+  TRY(collect(job, request));
+  if (failed.empty()) {
+    std::error_code error;
+    fs::remove_all(job.folder, error);
+    return counts;
+  }
+  const auto first = std::size_t(failed.front());
+  const std::string log = file_of(job, first, ".log");
+  return device_error(fmt::format("{} of {} chunks failed {} times; {}: {}", failed.size(), chunks,
+                                  options.most_attempts, log, last_line(log)));
+}
+
+// ---- what changed between versions ----
+
+namespace {
+
+namespace fs = std::filesystem;
+
+Result<std::set<std::string>> recordings_of(const std::string& version) {
+  std::set<std::string> names;
+  std::error_code error;
+  for (fs::directory_iterator at(version, error), end; at != end && !error; at.increment(error))
+    if (at->is_directory() && !at->path().filename().string().starts_with('.'))
+      names.insert(at->path().filename().string());
+  if (error) return input_error(version + ": cannot read: " + error.message());
+  return names;
+}
+
+std::string verdict_of(const std::string& folder) {
+  if (path_exists(folder + "/" + failure_name)) return "failed";
+  const std::string path = folder + "/" + diagnosis_name;
+  if (!path_exists(path)) return "not_made";
+  Result<KeyValueFile> file = KeyValueFile::read(path);
+  return file && file->has("verdict") ? file->text("verdict") : "unreadable";
+}
+
+}  // namespace
+
+Result<VersionChanges> compare_versions(const std::string& store, const std::string& from, const std::string& to) {
+  VersionChanges changes;
+  changes.from = from;
+  changes.to = to;
+  const std::string old_root = store + "/" + from + "/", new_root = store + "/" + to + "/";
+  const std::set<std::string> olds = TRY(recordings_of(old_root));
+  const std::set<std::string> news = TRY(recordings_of(new_root));
+  std::vector<ParameterChange> all(parameter_count);
+  std::vector<std::vector<double>> ratios(parameter_count);
+  for (const std::string& name : olds) {
+    if (!news.contains(name)) {
+      ++changes.only_from;
+      continue;
+    }
+    ++changes.both;
+    ++changes.verdicts[{verdict_of(old_root + name), verdict_of(new_root + name)}];
+    const std::string old_path = old_root + name + "/" + parameters_name,
+                      new_path = new_root + name + "/" + parameters_name;
+    if (!path_exists(old_path) || !path_exists(new_path)) continue;
+    const ParameterFile before = TRY(read_parameter_file(old_path));
+    const ParameterFile after = TRY(read_parameter_file(new_path));
+    for (std::size_t k = 0; k < all.size(); ++k) {
+      if (!before.sigma[k] || !after.sigma[k] || !(*after.sigma[k] > 0.0) || !(*before.sigma[k] > 0.0)) continue;
+      const auto at = Eigen::Index(k);
+      const double change = (after.parameters[at] - before.parameters[at]) / *after.sigma[k];
+      ParameterChange& c = all[k];
+      ++c.recordings;
+      c.mean += change;
+      c.rms += change * change;
+      ratios[k].push_back(*after.sigma[k] / *before.sigma[k]);
+      if (std::abs(change) > std::abs(c.largest)) {
+        c.largest = change;
+        c.largest_unit = after.unit_serial;
+        c.largest_recording = name;
+      }
+    }
+  }
+  for (const std::string& name : news) changes.only_to += !olds.contains(name);
+  for (std::size_t k = 0; k < all.size(); ++k) {
+    ParameterChange& c = all[k];
+    if (c.recordings == 0) continue;
+    c.key = parameter_keys[k];
+    c.mean /= double(c.recordings);
+    c.rms = std::sqrt(c.rms / double(c.recordings));
+    c.sigma_ratio = median(ratios[k]);
+    changes.parameters.push_back(std::move(c));
+  }
+  return changes;
+}
+
+Document changes_document(const VersionChanges& c) {
+  using namespace cell;
+  Document document{"", "From version " + c.from + " to " + c.to};
+  document.text(fmt::format("from version {} to {}: {} recordings in both, {} only in the first, {} only in the second",
+                            c.from, c.to, c.both, c.only_from, c.only_to));
+  Table parameters{
+      {name("parameter"), number("mean"), number("rms"), number("largest"), number("sigma ratio"), name("unit")}};
+  for (const ParameterChange& p : c.parameters)
+    parameters.row({name(p.key), fixed(p.mean, 3), fixed(p.rms, 3), fixed(p.largest, 3), fixed(p.sigma_ratio, 3),
+                    name(p.largest_unit)});
+  if (!c.parameters.empty()) {
+    document.section("parameters", "Change in sigmas of the second");
+    document.add(std::move(parameters));
+  }
+  document.section("verdicts", "Verdicts");
+  Table verdicts{{text("first"), text("second"), number("recordings")}};
+  for (const auto& [was_is, recordings] : c.verdicts)
+    verdicts.row({text(was_is.first), text(was_is.second), count(recordings)});
+  document.add(std::move(verdicts));
+  return document;
 }
 
 }  // namespace turncal

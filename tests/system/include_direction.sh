@@ -36,7 +36,7 @@ grep -rnE --include='*.h' --include='*.cpp' --include='*.in' '^[[:space:]]*(/\*.
       ranks("calib", "types; model; statistics; closed_form joint rests navigation; evidence; prediction fleet thermal")
       ranks("imu_io", "base; recordings lines; frames; units")
       ranks("turntable_drivers", "table; modbus ascii manual rig; chamber; twins")
-      ranks("orchestrator", "station; run; watch records; line; devices; figures; report; line_report; jobs; fleet service; commands library; python; .")
+      ranks("orchestrator", "station; run; watch records; devices; figures; report; line; jobs; fleet service; commands library; python; .")
       sees_rig = " turntable_drivers/rig turntable_drivers/twins orchestrator/devices orchestrator/jobs orchestrator/commands "
       # By what a job is given: a run that can be a dry one.
       reaches_rig = sees_rig "orchestrator/fleet orchestrator/service orchestrator/library orchestrator/. "

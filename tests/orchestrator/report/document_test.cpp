@@ -1,6 +1,6 @@
 // A document and its renderings; the control charts, as one that has everything.
 #include "orchestrator/line/parameter_history.h"
-#include "orchestrator/line_report/shift_document.h"
+#include "orchestrator/line/shift_report.h"
 #include "orchestrator/station/number_text.h"
 #include "orchestrator/watch/progress.h"
 #include "tests/orchestrator/report/sample_diagnosis.h"

@@ -1,4 +1,4 @@
-#include "orchestrator/line_report/shift_document.h"
+#include "orchestrator/line/shift_report.h"
 
 #include <fmt/format.h>
 
