@@ -11,12 +11,6 @@ namespace turncal {
 
 namespace fs = std::filesystem;
 
-namespace {
-
-constexpr int most_races = 100;
-
-}  // namespace
-
 Result<LockFile> hold_folder(const std::string& folder) { return LockFile::acquire(folder + "/.lock"); }
 
 Result<OutputFolder> OutputFolder::prepare(const std::string& path, std::vector<std::string> names) {
@@ -26,6 +20,7 @@ Result<OutputFolder> OutputFolder::prepare(const std::string& path, std::vector<
     return input_error(path + ": expected a folder, found a file");
   OutputFolder folder(path, std::move(names));
   // Whoever fails meanwhile takes the folder away that we found: then it is made once more.
+  constexpr int most_races = 100;
   for (int race = 0;; ++race) {
     TRY(folder.make_missing());
     Result<LockFile> lock = hold_folder(path);

@@ -68,7 +68,7 @@ Result<int> version_of(SqlConnection& database) {
   int version = 0;
   if (TRY(database.has_table("schema_version")))
     TRY(database.run("SELECT version FROM schema_version", {},
-                     [&](const SqlRow& row) { version = int(as_integer(row.front())); }));
+                     [&](const SqlRow& row) { version = int(sql_as<std::int64_t>(row.front())); }));
   return version;
 }
 
@@ -121,7 +121,7 @@ Result<std::vector<std::int64_t>> insert(SqlConnection& database, const std::str
       all.insert(all.end(), rows[i].begin(), rows[i].end());
     }
     if (!unique.empty()) sql += " ON CONFLICT(" + unique + ") DO NOTHING RETURNING id";
-    TRY(database.run(sql, all, [&ids](const SqlRow& row) { ids.push_back(as_integer(row.front())); }));
+    TRY(database.run(sql, all, [&ids](const SqlRow& row) { ids.push_back(sql_as<std::int64_t>(row.front())); }));
   }
   return ids;
 }
@@ -142,7 +142,7 @@ Result<AddedRow> add_calibration(SqlConnection& database, const SqlRow& row) {
     same.push_back(row[std::size_t(std::ranges::find(columns, trimmed(column)) - columns.begin())]);
   AddedRow there;
   TRY(database.run("SELECT id FROM calibration WHERE (" + unique + ") = (" + places(1, same.size()) + ")", same,
-                   [&there](const SqlRow& found) { there.id = as_integer(found.front()); }));
+                   [&there](const SqlRow& found) { there.id = sql_as<std::int64_t>(found.front()); }));
   return there;
 }
 
@@ -176,7 +176,7 @@ std::string key_of(const AttemptRecord& a, const SqlRow& row) {
   std::string all;
   for (std::size_t i = 0; i + 1 < row.size(); ++i) {  // without its calibration, which has another number elsewhere
     const std::optional<double> number = as_number(row[i]);
-    all += (number ? format_number(*number) : as_text(row[i])) + '\x1f';
+    all += (number ? format_number(*number) : sql_as<std::string>(row[i])) + '\x1f';
   }
   return a.run + "|" + whose + hash_of_text(all);
 }
@@ -263,7 +263,7 @@ Result<Page> page_of(SqlConnection& database, const std::string& table, std::int
   TRY(database.run(
       "SELECT " + column_list(table) + ", id FROM " + table + " WHERE id > $1 AND id <= $2 ORDER BY id LIMIT 100",
       {last, end}, [&](SqlRow row) {
-        const std::int64_t id = as_integer(row.back());
+        const std::int64_t id = sql_as<std::int64_t>(row.back());
         row.pop_back();
         page.emplace_back(id, std::move(row));
       }));
@@ -272,7 +272,8 @@ Result<Page> page_of(SqlConnection& database, const std::string& table, std::int
 
 Result<std::int64_t> last_id(SqlConnection& database, const std::string& table) {
   std::int64_t last = 0;
-  TRY(database.run("SELECT max(id) FROM " + table, {}, [&](const SqlRow& row) { last = as_integer(row.front()); }));
+  TRY(database.run("SELECT max(id) FROM " + table, {},
+                   [&](const SqlRow& row) { last = sql_as<std::int64_t>(row.front()); }));
   return last;
 }
 
@@ -338,7 +339,7 @@ Status ResultsDatabase::check_known(const RecordFilter& filter) const {
     if (column != "unit" && column != "station" && column != "part") continue;
     std::vector<std::string> there;
     TRY(connection_->run("SELECT " + column + " FROM attempt UNION SELECT " + column + " FROM calibration ORDER BY 1",
-                         {}, [&](const SqlRow& row) { there.push_back(as_text(row.front())); }));
+                         {}, [&](const SqlRow& row) { there.push_back(sql_as<std::string>(row.front())); }));
     std::erase(there, "");
     TRY(expect_one_of(column, wanted, there));
   }
@@ -400,10 +401,7 @@ Status ResultsDatabase::make_tables(bool keep) const {
 Result<ResultsDatabase> ResultsDatabase::open(const std::string& name, const SqlPatience& patience) {
   const bool server = names_a_server(name);
   if (!server) TRY(make_folder(folder_of(name)));
-  std::shared_ptr<SqlConnection> connection =
-      TRY(server ? connect_to_server(name, true, patience)
-                 : connect_to_file(name, SQLITE_OPEN_READWRITE | SQLITE_OPEN_CREATE, patience));
-  ResultsDatabase database(std::move(connection));
+  ResultsDatabase database(TRY(connect_to(name, SqlUse::make, patience)));
   TRY(database.make_tables(true));
   if (!server) TRY(database.connection_->run("PRAGMA synchronous = EXTRA; PRAGMA foreign_keys = ON"));
   return database;
@@ -413,7 +411,7 @@ Status ResultsDatabase::check_writable(const std::string& path) {
   // The folder too when the file is there: its journal is made beside it.
   if (Status status = check_folder_writable(folder_of(path)); !status || !path_exists(path)) return status;
   TRY(check_regular_file(path));
-  return ResultsDatabase(TRY(connect_to_file(path, SQLITE_OPEN_READWRITE, {.wait_s = 2.0}))).make_tables(false);
+  return ResultsDatabase(TRY(connect_to(path, SqlUse::write, {.wait_s = 2.0}))).make_tables(false);
 }
 
 Result<ResultsDatabase> ResultsDatabase::open_to_read(const std::string& name, const SqlPatience& patience) {
@@ -421,15 +419,13 @@ Result<ResultsDatabase> ResultsDatabase::open_to_read(const std::string& name, c
   if (!server && !path_exists(name)) return input_error(name + ": there is no such results database");
   if (!server) TRY(expect_file(name, FileKind::database));
   TRY(server ? Status{} : check_regular_file(name));
-  std::shared_ptr<SqlConnection> connection =
-      TRY(server ? connect_to_server(name, false, patience) : connect_to_file(name, SQLITE_OPEN_READONLY, patience));
-  ResultsDatabase database(std::move(connection));
+  ResultsDatabase database(TRY(connect_to(name, SqlUse::read, patience)));
   if (TRY(database.has_tables())) return database;
   if (server)
     return input_error(name +
                        ": results database: holds no tables: expected one that a station or `turncal records "
                        "roles` has written to");
-  ResultsDatabase empty = TRY(in_memory(name));  // reading changes nothing
+  ResultsDatabase empty(TRY(connect_to_memory(name)));  // reading changes nothing
   TRY(empty.make_tables(true));
   return empty;
 }
@@ -459,7 +455,7 @@ Status ResultsDatabase::each_calibration(bool with_statistics,
       [&](const SqlRow& row) {
         StoredCalibration one;
         take_row(row, fields_of(one));
-        if (with_statistics) one.statistics = as_bytes(row.back());
+        if (with_statistics) one.statistics = sql_as<SqlBytes>(row.back());
         each(one);
       });
 }
@@ -490,12 +486,12 @@ Status ResultsDatabase::check() const {
   }
   std::string defect;
   TRY(connection_->run("SELECT calibration, key, value, sigma FROM value", {}, [&](const SqlRow& row) {
-    const auto of = by_id.find(as_integer(row[0]));
+    const auto of = by_id.find(sql_as<std::int64_t>(row[0]));
     const auto same = [&row](const StoredValue& v) {
-      return v.key == as_text(row[1]) && v.value == as_number(row[2]) && v.sigma == as_number(row[3]);
+      return v.key == sql_as<std::string>(row[1]) && v.value == as_number(row[2]) && v.sigma == as_number(row[3]);
     };
     if (defect.empty() && of != by_id.end() && std::ranges::none_of(of->second->values, same))
-      defect = not_of_file(connection_->name() + ": row " + std::to_string(of->first), as_text(row[1]));
+      defect = not_of_file(connection_->name() + ": row " + std::to_string(of->first), sql_as<std::string>(row[1]));
   }));
   static_cast<void>(TRY(attempts({})));
   return defect.empty() ? Status{} : input_error(defect);
@@ -570,7 +566,7 @@ Result<CopiedRows> ResultsDatabase::copy_to(ResultsDatabase& other, bool moves) 
         TRY(from.run(
             "SELECT " + column_list(table) + " FROM " + table + " WHERE calibration > $1 AND calibration <= $2",
             {last, page.back().first}, [&](SqlRow row) {
-              const std::int64_t id = as_integer(row.front());
+              const std::int64_t id = sql_as<std::int64_t>(row.front());
               if (!added.contains(id)) return;
               row.front() = number_there[id];
               rows.push_back(std::move(row));
@@ -590,7 +586,7 @@ Result<CopiedRows> ResultsDatabase::copy_to(ResultsDatabase& other, bool moves) 
     std::vector<SqlRow> rows;
     for (auto& [id, row] : page) {
       SqlValue& calibration = row.back();
-      const auto there = number_there.find(as_integer(calibration));
+      const auto there = number_there.find(sql_as<std::int64_t>(calibration));
       // A row that has taken the number of one that is gone may name a calibration that was not looked at: another time.
       if (as_number(calibration) && there == number_there.end()) continue;
       if (as_number(calibration)) calibration = there->second;
@@ -620,27 +616,23 @@ Status ResultsDatabase::check_pages() const {
     return input_error(connection_->name() + ": results database: damaged: " + what);
   };
   std::string found;
-  TRY(connection_->run("PRAGMA integrity_check(1)", {}, [&](const SqlRow& row) { found = as_text(row[0]); }));
+  TRY(connection_->run("PRAGMA integrity_check(1)", {},
+                       [&](const SqlRow& row) { found = sql_as<std::string>(row[0]); }));
   if (found != "ok") return damaged(found);
   found.clear();
   const auto say = [&](const SqlRow& row) {
     if (found.empty())
-      found = "row " + std::to_string(as_integer(row[1])) + " of " + as_text(row[0]) + " names a row of " +
-              as_text(row[2]) + " that is not there";
+      found = "row " + std::to_string(sql_as<std::int64_t>(row[1])) + " of " + sql_as<std::string>(row[0]) +
+              " names a row of " + sql_as<std::string>(row[2]) + " that is not there";
   };
   TRY(connection_->run("PRAGMA foreign_key_check", {}, say));
   return found.empty() ? Status{} : damaged(found);
 }
 
-Result<ResultsDatabase> ResultsDatabase::in_memory(const std::string& name) {
-  std::shared_ptr<SqlConnection> connection = TRY(connect_to_memory(name));
-  return ResultsDatabase(std::move(connection));
-}
-
 Result<std::string> ResultsDatabase::image() const {
   const std::string& name = connection_->name();
   if (!connection_->sqlite()) {  // the rows of a server, as a file
-    ResultsDatabase copy = TRY(in_memory(name));
+    ResultsDatabase copy(TRY(connect_to_memory(name)));
     TRY(copy.make_tables(true));
     const Status copied = in_transaction(*connection_, [&]() -> Status {  // of one moment
       const Result<CopiedRows> rows = copy_to(copy);
@@ -661,9 +653,9 @@ Result<std::string> ResultsDatabase::image() const {
 }
 
 Result<ResultsDatabase> ResultsDatabase::of_image(const std::string& image, const std::string& path) {
-  Result<ResultsDatabase> database = in_memory(path);
-  if (!database || image.empty()) return database;
-  sqlite3* const handle = database->connection_->sqlite();
+  ResultsDatabase database(TRY(connect_to_memory(path)));
+  if (image.empty()) return database;
+  sqlite3* const handle = database.connection_->sqlite();
   auto* const bytes = static_cast<unsigned char*>(sqlite3_malloc64(image.size()));
   if (!bytes)
     return device_error(path + ": results database: not enough memory for its " + std::to_string(image.size()) +

@@ -133,7 +133,6 @@ class ResultsDatabase {
 
  private:
   explicit ResultsDatabase(std::shared_ptr<SqlConnection> connection) : connection_(std::move(connection)) {}
-  static Result<ResultsDatabase> in_memory(const std::string& name);
   Result<bool> has_tables() const;
   Status make_tables(bool keep) const;
   Status check_pages() const;

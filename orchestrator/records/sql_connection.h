@@ -25,9 +25,12 @@ using SqlBytes = std::vector<std::byte>;
 using SqlValue = std::variant<std::monostate, std::int64_t, double, std::string, SqlBytes>;  // monostate: NULL
 using SqlRow = std::vector<SqlValue>;
 
-std::string as_text(const SqlValue& value);  // NULL: empty
-SqlBytes as_bytes(const SqlValue& value);    // none: empty
-std::int64_t as_integer(const SqlValue& value);
+// Of this type; NULL, or of another one: empty, 0.
+template <class Type>
+Type sql_as(const SqlValue& value) {
+  const Type* const held = std::get_if<Type>(&value);
+  return held ? *held : Type();
+}
 std::optional<double> as_number(const SqlValue& value);
 SqlValue as_value(const std::optional<double>& value);
 SqlRow row_of(const Fields& fields);
@@ -67,13 +70,10 @@ class SqlConnection {
 // All that `job` does, or nothing.
 Status in_transaction(SqlConnection& connection, const std::function<Status()>& job);
 
-// flags: SQLITE_OPEN_...
-Result<std::shared_ptr<SqlConnection>> connect_to_file(const std::string& path, int flags, const SqlPatience& patience);
+enum class SqlUse { read, write, make };  // make: a file that is not there, too
+// name: as orchestrator/station/station_config.h has it.
+Result<std::shared_ptr<SqlConnection>> connect_to(const std::string& name, SqlUse use, const SqlPatience& patience);
 // An SQLite database of nobody else's; errors call it `name`.
 Result<std::shared_ptr<SqlConnection>> connect_to_memory(const std::string& name);
-
-// name: as orchestrator/station/station_config.h has it.
-Result<std::shared_ptr<SqlConnection>> connect_to_server(const std::string& name, bool writes,
-                                                         const SqlPatience& patience);
 
 }  // namespace turncal

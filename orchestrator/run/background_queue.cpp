@@ -12,11 +12,11 @@
 
 namespace turncal {
 
-std::thread start_without_signals(std::function<void()> work) {
+std::jthread start_without_signals(std::function<void()> work) {
   sigset_t all, before;
   sigfillset(&all);
   pthread_sigmask(SIG_SETMASK, &all, &before);
-  std::thread thread(std::move(work));
+  std::jthread thread(std::move(work));
   pthread_sigmask(SIG_SETMASK, &before, nullptr);
   return thread;
 }
@@ -32,7 +32,6 @@ BackgroundQueue::~BackgroundQueue() {
   while (pending() > 0) wait_a_little();
   ends_ = true;
   post([] {});  // wakes the thread
-  thread_.join();
 }
 
 bool BackgroundQueue::post(std::function<void()> job) {
@@ -90,11 +89,6 @@ StorageLimit::StorageLimit(std::function<bool()> passed, std::function<void()> h
 
 StorageLimit::StorageLimit(std::function<void()> hangs, double limit_s)
     : StorageLimit([from_s = monotonic_s(), limit_s] { return monotonic_s() - from_s > limit_s; }, std::move(hangs)) {}
-
-StorageLimit::~StorageLimit() {
-  done_.release();
-  thread_.join();
-}
 
 void BackgroundQueue::wait_a_little() {
   const timespec pause{0, 200'000};

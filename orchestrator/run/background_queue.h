@@ -24,7 +24,7 @@
 namespace turncal {
 
 // Signals are the loop's, or the command's: one that arrives ends its waits.
-std::thread start_without_signals(std::function<void()> work);
+std::jthread start_without_signals(std::function<void()> work);
 
 class BackgroundQueue {
  public:
@@ -60,7 +60,7 @@ class BackgroundQueue {
   std::atomic<double> busy_since_s_{0.0};  // monotonic; 0: nothing is being done
   std::atomic<bool> ends_{false}, threw_{false};
   std::string thrown_;  // what; written before threw_
-  std::thread thread_;
+  std::jthread thread_;
 };
 
 // Of writes that are in no queue, while no table moves: what its scope does may take no longer than the limit, else `hangs` is called, by a
@@ -71,13 +71,13 @@ class StorageLimit {
   static constexpr double together_s = 3.0 * BackgroundQueue::answer_limit_s;
   explicit StorageLimit(std::function<void()> hangs, double limit_s = together_s);
   StorageLimit(std::function<bool()> passed, std::function<void()> hangs);  // asked ten times a second
-  ~StorageLimit();                                                          // within the limit
+  ~StorageLimit() { done_.release(); }                                      // within the limit
   StorageLimit(const StorageLimit&) = delete;
   StorageLimit& operator=(const StorageLimit&) = delete;
 
  private:
   std::binary_semaphore done_{0};
-  std::thread thread_;
+  std::jthread thread_;
 };
 
 // A write that was handed to a queue. One that the queue could not take is done at once, with an error.

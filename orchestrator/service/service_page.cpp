@@ -35,9 +35,7 @@ constexpr double made_for_s = 10.0;
 
 PageAnswer said(int code, const std::string& text) { return {code, {"text/plain; charset=utf-8", text + "\n"}}; }
 
-}  // namespace
-
-struct ServicePage::State {
+struct OpenPage : ServicePage {
   // Of a unit or a run; empty: there is none.
   struct MadePage {
     std::optional<PageText> text;
@@ -51,15 +49,24 @@ struct ServicePage::State {
   bool over = false;
   std::string json, metrics;
   std::optional<ResultsView> results;
-  std::string asked_for;                 // a page of a unit or a run that a client waits for
   std::map<std::string, MadePage> made;  // by path
   // The server's thread alone. Who was let in once does not wait for those who guess; the password is looked at each time.
   double password_s = -1e9;
   std::set<std::size_t> welcome;
-  std::thread looker, reader,
-      maker;  // of the stations' files; of the database, which may keep its reader waiting; of pages that are asked for
   std::unique_ptr<PageServer> server;
-  std::unique_ptr<Alerts> alerts;  // nothing: none are wanted
+  std::unique_ptr<Alerts> alerts;                      // nothing: none are wanted
+  BackgroundQueue maker{BackgroundQueue::By::thread};  // of pages that are asked for
+  std::jthread looker, reader;  // of the stations' files; of the database, which may keep its reader waiting
+
+  ~OpenPage() override {
+    server.reset();
+    const std::lock_guard lock(mutex);
+    over = true;
+    wake.notify_all();
+  }
+
+  std::string url() const override { return server->url(); }
+  bool loopback() const override { return server->loopback(); }
 
   void look(bool alerting) {
     std::vector<std::string> stations;
@@ -111,19 +118,12 @@ struct ServicePage::State {
     return PageText{html, as_page(unit_document(config, unit)).html};
   }
 
-  void keep_making() {
-    std::unique_lock lock(mutex);
-    for (;;) {
-      wake.wait(lock, [this] { return over || !asked_for.empty(); });
-      if (over) return;
-      const std::string path = std::exchange(asked_for, "");
-      lock.unlock();
-      std::optional<PageText> text = make(path);
-      lock.lock();
-      if (made.size() >= most_made)
-        made.erase(std::ranges::min_element(made, {}, [](const auto& one) { return one.second.at_s; }));
-      made[path] = {std::move(text), monotonic_s()};
-    }
+  void make_anew(const std::string& path) {
+    std::optional<PageText> text = make(path);
+    const std::lock_guard lock(mutex);
+    if (made.size() >= most_made)
+      made.erase(std::ranges::min_element(made, {}, [](const auto& one) { return one.second.at_s; }));
+    made[path] = {std::move(text), monotonic_s()};
   }
 
   PageAnswer post(const PagePost& request) {
@@ -161,10 +161,8 @@ struct ServicePage::State {
     if (!path.starts_with(unit_path) && !path.starts_with("/report/")) return {};
     // Made by another thread: no drawing keeps a stop waiting.
     const auto there = made.find(std::string(path));
-    if (there == made.end() || monotonic_s() - there->second.at_s > made_for_s) {
-      asked_for = path;
-      wake.notify_all();
-    }
+    const bool old = there == made.end() || monotonic_s() - there->second.at_s > made_for_s;
+    if (old && maker.pending() == 0) maker.post([this, path = std::string(path)] { make_anew(path); });
     if (there != made.end()) return there->second.text;
     return PageText{"text/html; charset=utf-8",
                     "<!DOCTYPE html><html lang=\"en\"><head>" + std::string(page_head) +
@@ -173,45 +171,30 @@ struct ServicePage::State {
   }
 };
 
-ServicePage::ServicePage() : state_(std::make_unique<State>()) {}
-
-ServicePage::~ServicePage() {
-  state_->server.reset();
-  {
-    const std::lock_guard lock(state_->mutex);
-    state_->over = true;
-  }
-  state_->wake.notify_all();
-  for (std::thread* thread : {&state_->looker, &state_->reader, &state_->maker})
-    if (thread->joinable()) thread->join();
-}
-
-std::string ServicePage::url() const { return state_->server->url(); }
-bool ServicePage::loopback() const { return state_->server->loopback(); }
+}  // namespace
 
 Result<std::unique_ptr<ServicePage>> ServicePage::open(const std::string& address, const ServiceConfig& config,
                                                        std::function<double()> now_utc_s) {
   const bool acts = !config.password_file.empty();
   if (acts) TRY(check_operators(config.password_file));
-  std::unique_ptr<ServicePage> page(new ServicePage);
-  State& state = *page->state_;
-  state.config = config;
-  state.now_utc_s = std::move(now_utc_s);
-  if (!config.alert.command.empty()) state.alerts = TRY(Alerts::open(config.alert));
-  state.look(true);
+  auto page = std::make_unique<OpenPage>();
+  OpenPage& one = *page;
+  one.config = config;
+  one.now_utc_s = std::move(now_utc_s);
+  if (!config.alert.command.empty()) one.alerts = TRY(Alerts::open(config.alert));
+  one.look(true);
   PageServer::Posts posts;
-  if (acts) posts = [&state](const PagePost& request) { return state.post(request); };
+  if (acts) posts = [&one](const PagePost& request) { return one.post(request); };
   std::unique_ptr<PageServer> server = TRY(PageServer::open(
-      address, [&state](std::string_view path) { return state.page(path); }, {.connections = 256}, std::move(posts)));
+      address, [&one](std::string_view path) { return one.page(path); }, {.connections = 256}, std::move(posts)));
   if (acts && !server->loopback())
     return input_error("--listen '" + address +
                        "': with serve.password_file a loopback address is expected, behind a proxy that encrypts");
-  state.server = std::move(server);
-  state.looker = start_without_signals([&state] { state.keep([&state] { state.look(true); }, between_looks); });
-  state.maker = start_without_signals([&state] { state.keep_making(); });
+  one.server = std::move(server);
+  one.looker = start_without_signals([&one] { one.keep([&one] { one.look(true); }, between_looks); });
   if (!config.database.empty())
-    state.reader = start_without_signals([&state] { state.keep([&state] { state.read(); }, between_results); });
-  return page;
+    one.reader = start_without_signals([&one] { one.keep([&one] { one.read(); }, between_results); });
+  return std::unique_ptr<ServicePage>(std::move(page));
 }
 
 // ---- alerts ----

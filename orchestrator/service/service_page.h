@@ -31,17 +31,10 @@ class ServicePage {
   // address: as of page_server.h. With a password file only a loopback one: names and passwords are not encrypted.
   static Result<std::unique_ptr<ServicePage>> open(const std::string& address, const ServiceConfig& config,
                                                    std::function<double()> now_utc_s);
-  ~ServicePage();
-  ServicePage(const ServicePage&) = delete;
-  ServicePage& operator=(const ServicePage&) = delete;
+  virtual ~ServicePage() = default;
 
-  std::string url() const;
-  bool loopback() const;
-
- private:
-  ServicePage();
-  struct State;
-  std::unique_ptr<State> state_;
+  virtual std::string url() const = 0;
+  virtual bool loopback() const = 0;
 };
 
 // Alerts (docs/production.md): a command is run with the event as JSON on its standard input, by a thread of its own that nobody waits for. `unit` is

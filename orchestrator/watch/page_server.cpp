@@ -78,7 +78,9 @@ Result<PageAddress> parse_page_address(const std::string& text) {
   return PageAddress{host, port};
 }
 
-struct PageServer::State {
+namespace {
+
+struct OpenServer : PageServer {
   // A socket and how far its one request is.
   struct Connection {
     Descriptor fd;
@@ -96,20 +98,23 @@ struct PageServer::State {
   PageLimits limits;
   std::string host;  // as given, without brackets
   int port = 0;
-  bool loopback = false;
+  bool is_loopback = false;
   Descriptor listener, woken, wake;
   std::list<Connection> connections;  // the oldest first
-  std::thread thread;
+  std::jthread thread;
 
-  ~State() {
-    wake = Descriptor();  // the other end sees it
-    if (thread.joinable()) thread.join();
+  ~OpenServer() override { wake = Descriptor(); }  // the other end sees it
+
+  std::string url() const override {
+    const bool v6 = host.find(':') != std::string::npos;
+    return "http://" + (v6 ? "[" + host + "]" : host) + ":" + std::to_string(port) + "/";
   }
+  bool loopback() const override { return is_loopback; }
 
   bool is_our_host(std::string_view given) const {
     const std::string name = lower(host_without_port(given));
     if (name == lower(host)) return true;
-    if (loopback) return name == "localhost" || name == "127.0.0.1" || name == "::1";
+    if (is_loopback) return name == "localhost" || name == "127.0.0.1" || name == "::1";
     char own[256] = {};
     return is_bare_address(name) || (::gethostname(own, sizeof own - 1) == 0 && name == lower(own));
   }
@@ -278,11 +283,11 @@ struct PageServer::State {
     if (bound.ss_family == AF_INET6) {
       const auto& v6 = reinterpret_cast<const sockaddr_in6&>(bound);
       port = ntohs(v6.sin6_port);
-      loopback = IN6_IS_ADDR_LOOPBACK(&v6.sin6_addr);
+      is_loopback = IN6_IS_ADDR_LOOPBACK(&v6.sin6_addr);
     } else {
       const auto& v4 = reinterpret_cast<const sockaddr_in&>(bound);
       port = ntohs(v4.sin_port);
-      loopback = (ntohl(v4.sin_addr.s_addr) >> 24) == 127;
+      is_loopback = (ntohl(v4.sin_addr.s_addr) >> 24) == 127;
     }
     host = at.host;
     int ends[2] = {-1, -1};
@@ -293,33 +298,24 @@ struct PageServer::State {
   }
 };
 
+}  // namespace
+
 PageText page_with(std::string_view html, const std::string& status) {
   std::string text(html);
   text.replace(text.find("INITIAL"), 7, status);
   return {"text/html; charset=utf-8", text.replace(text.find("HEAD"), 4, page_head)};
 }
 
-PageServer::PageServer() : state_(std::make_unique<State>()) {}
-PageServer::~PageServer() = default;
-
-std::string PageServer::url() const {
-  const bool v6 = state_->host.find(':') != std::string::npos;
-  return "http://" + (v6 ? "[" + state_->host + "]" : state_->host) + ":" + std::to_string(state_->port) + "/";
-}
-
-bool PageServer::loopback() const { return state_->loopback; }
-
 Result<std::unique_ptr<PageServer>> PageServer::open(const std::string& address, Pages pages, PageLimits limits,
                                                      Posts posts) {
   const PageAddress at = TRY(parse_page_address(address));
-  std::unique_ptr<PageServer> server(new PageServer);
-  State& state = *server->state_;
-  state.pages = std::move(pages);
-  state.posts = std::move(posts);
-  state.limits = limits;
-  TRY(state.listen(address, at));
-  state.thread = start_without_signals([&state] { state.serve(); });
-  return server;
+  auto server = std::make_unique<OpenServer>();
+  server->pages = std::move(pages);
+  server->posts = std::move(posts);
+  server->limits = limits;
+  TRY(server->listen(address, at));
+  server->thread = start_without_signals([&one = *server] { one.serve(); });
+  return std::unique_ptr<PageServer>(std::move(server));
 }
 
 }  // namespace turncal

@@ -69,17 +69,10 @@ class PageServer {
 
   static Result<std::unique_ptr<PageServer>> open(const std::string& address, Pages pages, PageLimits limits = {},
                                                   Posts posts = {});
-  ~PageServer();
-  PageServer(const PageServer&) = delete;
-  PageServer& operator=(const PageServer&) = delete;
+  virtual ~PageServer() = default;
 
-  std::string url() const;
-  bool loopback() const;  // only this machine reaches it
-
- private:
-  PageServer();
-  struct State;
-  std::unique_ptr<State> state_;
+  virtual std::string url() const = 0;
+  virtual bool loopback() const = 0;  // only this machine reaches it
 };
 
 }  // namespace turncal
