@@ -126,8 +126,7 @@ Against against(const StationConfig& station) {
   Against found;
   const TableConfig& table = station.table;
   // A station of mock devices alone is made for --dry-run.
-  if (station.table.driver != TableDriver::mock || station.imu_driver != ImuDriver::rig)
-    found.blocks = no_real_devices(station);
+  if (station.table.driver != TableDriver::mock || station.imu) found.blocks = no_real_devices(station);
   if (station.chamber && !station.chamber->described.commissioned)
     found.blocks.push_back(
         "the chamber is not commissioned: turncal commission --chamber comes before the first run with it");

@@ -250,7 +250,7 @@ std::vector<std::string> no_real_devices(const StationConfig& station) {
   if (station.chamber && station.chamber->described.language == ChamberDescription::Language::rig)
     why.push_back(station.chamber->described.file +
                   ": link.kind = rig: expected a chamber on a line, or --dry-run to rehearse");
-  const bool mock = station.table.driver == TableDriver::mock, rig = station.imu_driver == ImuDriver::rig;
+  const bool mock = station.table.driver == TableDriver::mock, rig = !station.imu;
   if (mock && rig)
     why.emplace_back(
         "only mock devices (table.driver = mock, imu.driver = rig): nothing real would move; turncal run --dry-run "

@@ -1,11 +1,11 @@
 #include "orchestrator/station/station_config.h"
 
 #include <algorithm>
-#include <chrono>
 #include <filesystem>
 #include <fstream>
 #include <limits>
 
+#include "imu_io/base/clock.h"
 #include "imu_io/base/file_kind.h"
 #include "imu_io/base/key_value.h"
 #include "imu_io/base/text.h"
@@ -238,14 +238,6 @@ void reject_clock_contradictions(KeyValueFile& file, StationConfig& station) {
   station.imu->settings.speedup = station.clock_speed_up;
 }
 
-bool is_date(const std::string& text) {
-  if (text.size() != 10 || text[4] != '-' || text[7] != '-') return false;
-  const auto year = parse_integer<int>(text.substr(0, 4));
-  const auto month = parse_integer<unsigned>(text.substr(5, 2)), day = parse_integer<unsigned>(text.substr(8, 2));
-  return year && month && day &&
-         std::chrono::year_month_day(std::chrono::year(*year), std::chrono::month(*month), std::chrono::day(*day)).ok();
-}
-
 // imu.2.device, imu.3.device, ...: contiguous, every line once.
 void read_further_places(KeyValueFile& file, StationConfig& station) {
   const auto key = [](std::size_t place) { return "imu." + std::to_string(place) + ".device"; };
@@ -290,9 +282,7 @@ Result<StationConfig> station_from(KeyValueFile& file) {
   TRY(read_table(file, station.table));
   TRY(read_chamber_keys(file, station));
   if (file.one_of("imu.driver", {"rig", "serial"}) == "serial") {
-    SerialImuConfig imu = TRY(read_serial_imu_config(file));
-    station.imu_driver = ImuDriver::serial;
-    station.imu = std::move(imu);
+    station.imu = TRY(read_serial_imu_config(file));
     read_further_places(file, station);
   }
   keys.number("clock.speed_up", station.clock_speed_up, between(0.01, 1000.0));
@@ -311,7 +301,7 @@ Result<StationConfig> station_from(KeyValueFile& file) {
   keys.flag("verify.run", station.verify_run);
   keys.text("table.id", station.table_id);
   keys.text("table.calibration_due", station.table_calibration_due);
-  if (!station.table_calibration_due.empty() && !is_date(station.table_calibration_due))
+  if (!station.table_calibration_due.empty() && !parse_utc(station.table_calibration_due + "T00:00:00Z"))
     file.reject("table.calibration_due", "a day of the calendar, as 2026-12-31");
   const auto path_of = [&file](const char* key) { return file.has(key) ? file.beside(file.text(key)) : std::string(); };
   station.rig_file = path_of("rig.file");

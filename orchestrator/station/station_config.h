@@ -38,10 +38,6 @@ enum class TableDriver {
   serial,  // table.dialect
   manual   // turned by hand
 };
-enum class ImuDriver {
-  rig,    // the rig's own IMU, coupled to its table: dry runs only
-  serial  // units on serial lines: keys of imu_io/units/serial_imu.h; imu.2.device, imu.3.device ... are further places
-};
 
 // When a move has arrived, when it is late, and how often the table is asked.
 struct MotionConfig {
@@ -112,8 +108,8 @@ struct StationConfig {
   double gravity_mps2 = 0.0;
   TableConfig table;
   std::optional<ChamberConfig> chamber;
-  ImuDriver imu_driver = ImuDriver::rig;
-  std::optional<SerialImuConfig> imu;            // serial; of the first place
+  // imu.driver = serial: units on serial lines, this one at the first place; rig: empty, the rig's own, coupled to its table, for dry runs only.
+  std::optional<SerialImuConfig> imu;
   std::vector<std::string> further_imu_devices;  // the lines of the places 2, 3, ...: same frame, same settings
   double clock_speed_up = 1.0;       // seconds of the station a second of the wall clock; 1 unless twins answer
   std::array<AxisLimits, 3> axis{};  // indexed by Axis

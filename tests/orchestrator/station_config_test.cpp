@@ -32,7 +32,7 @@ void expect_equal(const StationConfig& a, const StationConfig& b) {
   EXPECT_EQ(a.latitude_deg, b.latitude_deg);
   EXPECT_EQ(a.gravity_mps2, b.gravity_mps2);
   EXPECT_EQ(a.table.driver, b.table.driver);
-  EXPECT_EQ(a.imu_driver, b.imu_driver);
+  EXPECT_EQ(a.imu.has_value(), b.imu.has_value());
   for (std::size_t i = 0; i < 3; ++i) {
     EXPECT_EQ(a.axis[i].soft_min_deg, b.axis[i].soft_min_deg);
     EXPECT_EQ(a.axis[i].soft_max_deg, b.axis[i].soft_max_deg);
