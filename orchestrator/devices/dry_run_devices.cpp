@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "imu_io/base/data_text.h"
 #include "imu_io/base/key_value.h"
 #include "imu_io/base/text.h"
 #include "turntable_drivers/rig/rig.h"
@@ -38,21 +39,17 @@ Result<RigConfig> rig_of(const StationConfig& station, const std::string& file) 
 }
 
 std::string format_truth(const Rig& rig, std::optional<double> reference_c) {
-  std::string text =
-      "# [dry run] What the rig was given. Units as in the parameter file; effects: docs/diagnosis.md.\n";
-  const auto line = [&text](std::string_view key, double value) {
-    text += std::string(key) + " = " + format_number(value) + "\n";
-  };
+  KeyValues lines("# [dry run] What the rig was given. Units as in the parameter file; effects: docs/diagnosis.md.\n");
   const std::array<double, 24> truth = reference_c ? rig.truth_at_reference(*reference_c) : rig.truth();
-  for (std::size_t i = 0; i < parameter_keys.size(); ++i) line(parameter_keys[i], truth[i]);
-  for (const auto& [name, value] : rig.truth_effects()) line("effect." + name, value);
-  if (reference_c) line("reference_temperature_c", *reference_c);
-  for (const auto& [name, value] : rig.table_errors()) line("table." + name, value);
+  for (std::size_t i = 0; i < parameter_keys.size(); ++i) lines.number(parameter_keys[i], truth[i]);
+  for (const auto& [name, value] : rig.truth_effects()) lines.number("effect." + name, value);
+  if (reference_c) lines.number("reference_temperature_c", *reference_c);
+  for (const auto& [name, value] : rig.table_errors()) lines.number("table." + name, value);
   if (const RigLot& lot = rig.config().lot; lot.seed) {
-    text += std::string("lot.fault = ") + to_string(lot.fault) + "\n";
-    text += std::string("lot.fault_shows = ") + (lot.fault_shows ? "true" : "false") + "\n";
+    lines.text("lot.fault", to_string(lot.fault));
+    lines.flag("lot.fault_shows", lot.fault_shows);
   }
-  return text;
+  return lines.take();
 }
 
 Result<ParameterVector> read_truth(const std::string& path) {

@@ -34,29 +34,27 @@
 
 namespace turncal {
 
-namespace {
-
 namespace fs = std::filesystem;
+
+namespace {
 
 constexpr const char* text_form_mark = "imu.csv";
 
 Result<std::vector<ArchiveEntry>> below(const std::string& folder) {
-  std::vector<ArchiveEntry> entries;
+  std::set<std::string> paths;
   std::error_code error;
   for (fs::recursive_directory_iterator at(folder, fs::directory_options::skip_permission_denied, error), end;
        at != end && !error; at.increment(error)) {
     const fs::path& path = at->path();
     if (path.filename().string().starts_with('.')) continue;
     if (path.filename() == binary_recording_name || path.filename() == text_form_mark)
-      entries.push_back({path.parent_path().string(), {}});
+      paths.insert(path.parent_path().string());
     else if (path.extension() == ".tcr")
-      entries.push_back({path.string(), {}});
+      paths.insert(path.string());
   }
   if (error) return input_error(folder + ": cannot read: " + error.message());
-  std::ranges::sort(entries, [](const auto& a, const auto& b) { return a.recording < b.recording; });
-  entries.erase(std::unique(entries.begin(), entries.end(),
-                            [](const auto& a, const auto& b) { return a.recording == b.recording; }),
-                entries.end());
+  std::vector<ArchiveEntry> entries;
+  for (const std::string& path : paths) entries.push_back({path, {}});
   return entries;
 }
 
@@ -323,8 +321,6 @@ Result<RecalibrationCounts> recalibrate(const std::vector<ArchiveEntry>& archive
 
 namespace {
 
-namespace fs = std::filesystem;
-
 constexpr std::size_t recordings_of_a_chunk = 100, most_chunks = 1000;
 constexpr double slurm_deadline_s = 60.0;
 
@@ -494,8 +490,6 @@ Result<RecalibrationCounts> recalibrate_on_slurm(const std::vector<ArchiveEntry>
 // ---- what changed between versions ----
 
 namespace {
-
-namespace fs = std::filesystem;
 
 Result<std::set<std::string>> recordings_of(const std::string& version) {
   std::set<std::string> names;

@@ -58,14 +58,6 @@ Status scan_journal(const PosixFile& file, RecordScanner& scanner, const std::fu
   return {};
 }
 
-void append_record(std::vector<std::byte>& out, JournalType type, std::uint32_t number, const JournalFields& fields) {
-  const std::size_t begun = begin_record(out, journal_magic, std::uint32_t(type), number);
-  for (const auto& [key, value] : fields) {
-    if (!value.empty()) append_bytes(out, std::string_view(key + " = " + escaped_value(value) + "\n"));
-  }
-  end_record(out, begun);
-}
-
 JournalFields fields_of(KeyValueFile& file) {
   JournalFields fields;
   for (const std::string& key : file.keys()) fields.emplace_back(key, unescaped_value(file.text(key)));
@@ -209,7 +201,10 @@ Result<JournalFile> JournalFile::reopen(const std::string& path) {
 Status JournalFile::append(JournalType type, const JournalFields& fields) {
   if (!status_) return status_;
   std::vector<std::byte> bytes;
-  append_record(bytes, type, next_number_++, fields);
+  const std::size_t begun = begin_record(bytes, journal_magic, std::uint32_t(type), next_number_++);
+  for (const auto& [key, value] : fields)
+    if (!value.empty()) append_bytes(bytes, std::string_view(key + " = " + escaped_value(value) + "\n"));
+  end_record(bytes, begun);
   status_ = file_.write_all(bytes);
   if (status_) status_ = file_.sync();
   return status_;
@@ -372,8 +367,7 @@ Result<DataTable> journal_as_table(const std::string& path) {
 }
 
 Status RecordingSink::start(const RecordingInfo& info) {
-  RecordingWriter writer = TRY(RecordingWriter::create(folder_ + "/" + partial_recording_name, info));
-  writer_.emplace(std::move(writer));
+  writer_.emplace(TRY(RecordingWriter::create(folder_ + "/" + partial_recording_name, info)));
   return {};
 }
 
@@ -391,17 +385,10 @@ Status RecordingSink::resume(const RecordingInfo& info, std::int64_t end_sample,
   return {};
 }
 
-std::optional<std::uint32_t> RecordingSink::written() const {
-  if (!writer_) return {};
-  return writer_->hash();
-}
-
 Status RecordingSink::finish() {
   TRY(writer_->finish());
   writer_.reset();
   return rename_durably(folder_ + "/" + partial_recording_name, path());
 }
-
-std::string RecordingSink::path() const { return folder_ + "/" + binary_recording_name; }
 
 }  // namespace turncal

@@ -137,10 +137,12 @@ class RecordingSink : public RunSink {
   // A rest that another take of it stands in for.
   Status set_aside(const Segment& rest) { return writer_->set_aside(rest); }
   Status sync() override { return writer_->sync(); }
-  std::optional<std::uint32_t> written() const override;
+  std::optional<std::uint32_t> written() const override {
+    return writer_ ? std::optional(writer_->hash()) : std::nullopt;
+  }
   Status finish() override;
 
-  std::string path() const;  // of the finished recording
+  std::string path() const { return folder_ + "/" + binary_recording_name; }  // of the finished recording
 
  private:
   std::string folder_;

@@ -184,10 +184,9 @@ std::string key_of(const AttemptRecord& a, const SqlRow& row) {
 Status expect_one_of(const std::string& option, const std::string& word, const std::vector<std::string>& there) {
   if (word.empty() || std::ranges::find(there, word) != there.end()) return {};
   constexpr std::size_t shown = 14;
-  std::string some;
-  for (std::size_t i = 0; i < std::min(shown, there.size()); ++i) some += (i > 0 ? ", " : "") + there[i];
+  const auto some = fmt::join(there.begin(), there.begin() + std::ptrdiff_t(std::min(shown, there.size())), ", ");
   return input_error("--" + option + " " + turncal::quoted(word) + ": no row has it: expected " +
-                     (there.empty() ? "none" : "one of " + some) + (there.size() > shown ? ", ..." : ""));
+                     (there.empty() ? "none" : fmt::format("one of {}", some)) + (there.size() > shown ? ", ..." : ""));
 }
 
 Fields with_id(AttemptRecord& attempt) {
@@ -514,26 +513,21 @@ DataTable calibrations_table(const std::vector<StoredCalibration>& all) {
   const auto exported = [](StoredCalibration& c) {
     Fields fields = fields_of(c);
     fields.pop_back();  // the parameter file
+    for (StoredValue& v : c.values) fields.insert(fields.end(), {{v.key, &v.value}, {"sigma." + v.key, &v.sigma}});
+    for (StoredValue& v : c.values)
+      fields.insert(fields.end(), {{"min." + v.key, &v.limit.min},
+                                   {"max." + v.key, &v.limit.max},
+                                   {"verdict." + v.key, &v.verdict},
+                                   {"sigma_max." + v.key, &v.sigma_max},
+                                   {"verdict.sigma." + v.key, &v.sigma_verdict}});
     return fields;
   };
-  std::vector<std::string> columns;
   StoredCalibration named;
+  for (const std::string_view key : parameter_keys) named.values.emplace_back().key = key;
+  std::vector<std::string> columns;
   for (const Field& field : exported(named)) columns.push_back(field.key);
-  for (const std::string_view key : parameter_keys)
-    for (const char* what : {"", "sigma."}) columns.push_back(what + std::string(key));
-  for (const std::string_view key : parameter_keys)
-    for (const char* what : {"min.", "max.", "verdict.", "sigma_max.", "verdict.sigma."})
-      columns.push_back(what + std::string(key));
   DataTable table(std::move(columns));
-  for (StoredCalibration c : all) {
-    add_row(exported(c), table);
-    for (StoredValue& v : c.values)
-      for (const Field& field : Fields{{"", &v.value}, {"", &v.sigma}}) add_cell(field, table);
-    for (StoredValue& v : c.values)
-      for (const Field& field :
-           Fields{{"", &v.limit.min}, {"", &v.limit.max}, {"", &v.verdict}, {"", &v.sigma_max}, {"", &v.sigma_verdict}})
-        add_cell(field, table);
-  }
+  for (StoredCalibration c : all) add_row(exported(c), table);
   return table;
 }
 

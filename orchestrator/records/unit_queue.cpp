@@ -22,9 +22,7 @@ std::string state_path(const std::string& path) { return path + ".state"; }
 std::string serial_in(std::string_view line) {
   for (std::size_t mark = 0; (mark = line.find('#', mark)) != std::string_view::npos; ++mark)
     if (mark == 0 || line[mark - 1] == ' ' || line[mark - 1] == '\t') line = line.substr(0, mark);
-  const std::size_t first = line.find_first_not_of(" \t");
-  if (first == std::string_view::npos) return "";
-  return std::string(line.substr(first, line.find_last_not_of(" \t") - first + 1));
+  return std::string(trimmed(line));
 }
 
 Status write_outcomes(const std::string& path, const std::vector<UnitOutcome>& outcomes) {
@@ -80,7 +78,7 @@ Result<std::vector<UnitOutcome>> read_outcomes(const std::string& path) {
 }
 
 const UnitOutcome* find_outcome(const std::vector<UnitOutcome>& outcomes, const std::string& unit) {
-  const auto found = std::ranges::find_if(outcomes, [&](const UnitOutcome& o) { return o.unit == unit; });
+  const auto found = std::ranges::find(outcomes, unit, &UnitOutcome::unit);
   return found == outcomes.end() ? nullptr : &*found;
 }
 
