@@ -55,40 +55,30 @@ void JsonObject::texts(std::string_view key, const std::vector<std::string>& val
   list(key, jsons);
 }
 
-void DataTable::text(std::string_view value) {
-  rows_.back().push_back({csv_text(std::string(value)), quoted_json(value)});
-}
-void DataTable::number(double value) {
-  if (!std::isfinite(value)) return nothing();
-  rows_.back().push_back({format_number(value), format_number(value)});
-}
-void DataTable::count(std::int64_t value) { rows_.back().push_back({format_number(value), format_number(value)}); }
-void DataTable::flag(bool value) { rows_.back().push_back({value ? "true" : "false", value ? "true" : "false"}); }
-void DataTable::nothing() { rows_.back().push_back({"", "null"}); }
-void DataTable::word(std::string_view value) {
-  if (value.empty()) return nothing();
-  if (value == "true" || value == "false") return flag(value == "true");
+DataCell::DataCell(std::string_view text) : csv(csv_text(std::string(text))), json(quoted_json(text)) {}
+
+DataCell DataCell::of_word(std::string_view word) {
+  if (word.empty()) return {};
+  if (word == "true" || word == "false") return word == "true";
   // As it stands, so that no digit is lost; JSON has no number that begins with a point or with more than one zero.
-  const std::size_t digit = value.starts_with('-') ? 1 : 0;
-  const bool plain = value.size() > digit && value[digit] >= '0' && value[digit] <= '9' && value.back() != '.' &&
-                     (value[digit] != '0' || value.size() == digit + 1 || value.find_first_of(".eE") == digit + 1);
-  if (plain && parse_number<double>(value)) {
-    rows_.back().push_back({std::string(value), std::string(value)});
-    return;
-  }
-  text(value);
+  const std::size_t digit = word.starts_with('-') ? 1 : 0;
+  const bool plain = word.size() > digit && word[digit] >= '0' && word[digit] <= '9' && word.back() != '.' &&
+                     (word[digit] != '0' || word.size() == digit + 1 || word.find_first_of(".eE") == digit + 1);
+  DataCell cell(word);
+  if (plain && parse_number<double>(word)) cell.csv = cell.json = word;
+  return cell;
 }
 
 std::string DataTable::csv() const {
   std::string text = fmt::format("{}\n", fmt::join(columns_, ","));
-  for (const std::vector<Cell>& row : rows_)
+  for (const std::vector<DataCell>& row : rows_)
     for (std::size_t k = 0; k < row.size(); ++k) text += row[k].csv + (k + 1 < row.size() ? "," : "\n");
   return text;
 }
 
 std::string DataTable::json() const {
   std::string text = "[";
-  for (const std::vector<Cell>& row : rows_) {
+  for (const std::vector<DataCell>& row : rows_) {
     JsonObject object;
     for (std::size_t k = 0; k < row.size(); ++k) object.raw(columns_[k], row[k].json);
     text += (text.size() > 1 ? ",\n" : "\n") + object.end();
@@ -98,7 +88,8 @@ std::string DataTable::json() const {
 
 std::string DataTable::json_object() const {
   std::string text = "{";
-  for (const std::vector<Cell>& row : rows_) text += (text.size() > 1 ? ",\n" : "\n") + row[0].json + ":" + row[1].json;
+  for (const std::vector<DataCell>& row : rows_)
+    text += (text.size() > 1 ? ",\n" : "\n") + row[0].json + ":" + row[1].json;
   return text + "\n}\n";
 }
 

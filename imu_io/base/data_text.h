@@ -3,12 +3,15 @@
 // Bytes of a text that are no UTF-8 stand as they are in CSV, and as U+FFFD in JSON.
 #pragma once
 
-#include <cstdint>
+#include <cmath>
 #include <optional>
 #include <string>
 #include <string_view>
+#include <type_traits>
 #include <utility>
 #include <vector>
+
+#include "imu_io/base/text.h"
 
 namespace turncal {
 
@@ -32,19 +35,29 @@ class JsonObject {
   std::string text_ = "{";
 };
 
-// Cells are made by the functions below; each knows how it stands in either form.
+// A text, number or flag, as it stands in either form; nothing, and a number that is not finite: null, an empty cell.
+struct DataCell {
+  DataCell() = default;
+  DataCell(std::string_view text);
+  DataCell(const std::string& text) : DataCell(std::string_view(text)) {}
+  DataCell(const char* text) : DataCell(std::string_view(text)) {}
+  template <class Number>
+  requires std::is_arithmetic_v<Number> DataCell(Number value) {
+    if constexpr (std::is_same_v<Number, bool>)
+      csv = json = value ? "true" : "false";
+    else if (std::isfinite(double(value)))
+      csv = json = format_number(value);
+  }
+  // What reads as a number, true or false is one, and empty is nothing.
+  static DataCell of_word(std::string_view word);
+
+  std::string csv, json = "null";
+};
+
 class DataTable {
  public:
   explicit DataTable(std::vector<std::string> columns) : columns_(std::move(columns)) {}
-  void begin_row() { rows_.emplace_back(); }
-  // In the order of the columns.
-  void text(std::string_view value);
-  void number(double value);
-  void count(std::int64_t value);
-  void flag(bool value);
-  void nothing();  // null; an empty cell
-  // What reads as a number, true or false is one, and empty is nothing.
-  void word(std::string_view value);
+  void row(std::vector<DataCell> cells) { rows_.push_back(std::move(cells)); }  // in the order of the columns
 
   std::string csv() const;
   std::string json() const;         // an array of objects, a line each
@@ -53,11 +66,8 @@ class DataTable {
   std::string as(std::string_view format) const { return format == "json" ? json() : csv(); }
 
  private:
-  struct Cell {
-    std::string csv, json;
-  };
   std::vector<std::string> columns_;
-  std::vector<std::vector<Cell>> rows_;
+  std::vector<std::vector<DataCell>> rows_;
 };
 // Lines `key = value`, as key_value.h reads them, each of one line whatever is in the words.
 class KeyValues {

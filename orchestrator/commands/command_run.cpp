@@ -267,11 +267,10 @@ Status show_queue(const QueueOptions& options, CommandContext& context) {
     DataTable table({"unit", "outcome", "time_utc", "reason"});
     for (const std::string& unit : queue) {
       const UnitOutcome* outcome = find_outcome(outcomes, unit);
-      table.begin_row();
-      table.text(unit);
-      table.text(outcome ? outcome->outcome : "waits");
-      outcome ? table.text(outcome->time_utc) : table.nothing();
-      outcome ? table.text(outcome->reason) : table.nothing();
+      if (outcome)
+        table.row({unit, outcome->outcome, outcome->time_utc, outcome->reason});
+      else
+        table.row({unit, "waits", {}, {}});
     }
     out << table.as(options.format) << std::flush;
     return {};

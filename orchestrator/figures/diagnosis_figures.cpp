@@ -33,174 +33,6 @@ double frame_limit(const Panel& panel, bool& cut) {
   return limit;
 }
 
-}  // namespace
-
-std::vector<const EstimatedEffect*> components_of(const JointResult& result, std::string_view effect) {
-  std::vector<const EstimatedEffect*> found;
-  for (const EstimatedEffect& e : result.effects)
-    if (e.column.entry != nullptr && e.column.entry->name == effect) found.push_back(&e);
-  return found;
-}
-
-std::vector<const EstimatedEffect*> strongest_of(const JointResult& result, std::string_view effect) {
-  std::vector<const EstimatedEffect*> found = components_of(result, effect);
-  std::ranges::stable_sort(found, [](auto* a, auto* b) { return z_of(*a) > z_of(*b); });
-  return found;
-}
-
-Series axis_series(std::size_t axis) {
-  constexpr std::array styles = {Series::Style::dot, Series::Style::triangle, Series::Style::square};
-  constexpr std::array colours = {Colour::x, Colour::y, Colour::z};
-  return {body_names[axis], styles[axis], colours[axis], {}};
-}
-
-std::vector<Series> before_after_series(bool with_after) {
-  std::vector<Series> series(with_after ? 2 : 1);
-  series[0].colour = with_after ? Colour::before : Colour::after;
-  series[0].label = with_after ? "before (24 parameters)" : "residual";
-  if (with_after) {
-    series[1].colour = Colour::after;
-    series[1].label = "after (with the effects added)";
-  }
-  return series;
-}
-
-Figure time_figure(const Diagnosis& diagnosis) {
-  Figure figure{
-      "time", "Residual velocity against time, north, up and east",
-      "The unit stands still in every second shown: any velocity is an error. It is navigated freely from "
-      "the beginning of the last rotation on; every rotation starts a new branch, which is shown for two minutes."};
-  figure.panel_height = 185;
-  figure.stacked = true;
-  std::vector<std::pair<std::size_t, std::size_t>> parts = rests(diagnosis.residuals);
-  std::erase_if(parts, [&](const auto& part) { return before_any_rotation(diagnosis.residuals[part.first]); });
-  for (auto& [first, last] : parts)
-    while (last > first && diagnosis.residuals[last - 1].time_s - diagnosis.residuals[first].time_s > fit_window_s)
-      --last;
-  double largest = 0.0;
-  for (const auto& [first, last] : parts)
-    for (std::size_t i = first; i < last; ++i) {
-      const ResidualPoint& p = diagnosis.residuals[i];
-      largest =
-          std::max({largest, p.velocity_before_mps.cwiseAbs().maxCoeff(), p.velocity_after_mps.cwiseAbs().maxCoeff()});
-    }
-  const DisplayUnit unit = velocity_unit(largest);
-  bool cut = false;
-  for (int axis = 0; axis < 3; ++axis) {
-    Panel panel;
-    panel.y_label = std::string(n_names[std::size_t(axis)]) + ", " + unit.unit;
-    if (axis == 2) panel.x_label = "time, h";
-    panel.series = before_after_series(has_after(diagnosis));
-    for (std::size_t s = 0; s < panel.series.size(); ++s) {
-      std::vector<std::pair<double, double>> points;
-      for (const auto& [first, last] : parts) {
-        for (std::size_t i = first; i < last; ++i) {
-          const ResidualPoint& p = diagnosis.residuals[i];
-          points.emplace_back(p.time_s / 3600.0,
-                              (s == 0 ? p.velocity_before_mps : p.velocity_after_mps)[axis] * unit.factor);
-        }
-        points.emplace_back(no_point, no_point);
-      }
-      panel.series[s].points = outline(points, points_a_curve);
-    }
-    panel.y_limit = frame_limit(panel, cut);
-    figure.panels.push_back(std::move(panel));
-  }
-  if (figure.panels.front().empty()) figure.panels.clear();
-  if (cut) figure.caption += " Single branches, as after a fault in the data, leave the frame.";
-  return figure;
-}
-
-void mark_steps(const CompressedRecording& recording, Figure& figure) {
-  double unit_s = 0.0;  // of the axis; stacked panels share one
-  for (Panel& panel : figure.panels) {
-    if (panel.x_label == "time, h") unit_s = 3600.0;
-    if (panel.x_label == "time, min") unit_s = 60.0;
-  }
-  if (unit_s == 0.0 || recording.blocks.empty()) return;
-  const std::int64_t first_sample = recording.blocks.front().start_sample;
-  std::vector<std::pair<double, std::string>> marks;
-  int step = 0;
-  for (const Segment& segment : recording.segments) {
-    if (segment.step == step) continue;
-    step = segment.step;
-    marks.emplace_back(double(segment.start_sample - first_sample) * recording.info.sample_period_s / unit_s,
-                       std::to_string(step));
-  }
-  if (marks.size() < 2) return;
-  for (Panel& panel : figure.panels) {
-    const bool of_time = panel.x_label.starts_with("time, ");
-    if (of_time || figure.stacked) panel.marks = marks;
-  }
-  figure.caption += " Thin lines: where the steps of the sequence begin.";
-}
-
-Figure allan_figure(const AllanResult& allan, const AllanResult* other) {
-  Figure figure{
-      "allan", "Allan deviation of the six sensors with the fitted model",
-      "Markers: overlapping Allan deviation of all rests, with 68 % intervals. Lines: the terms of IEEE 952 that the "
-      "data show, where the noise is of this model."};
-  if (other != nullptr) figure.caption += " Open circles: what it is compared with.";
-  figure.columns = 2;
-  figure.panel_width = 480;
-  figure.panel_height = 330;
-  for (const bool gyro : {true, false}) {
-    const DisplayUnit unit =
-        gyro ? DisplayUnit{1.0 / radps_per_degph, "°/h"} : DisplayUnit{1e6 / standard_gravity_mps2, "µg"};
-    Panel panel;
-    panel.title = gyro ? "gyros" : "accelerometers";
-    panel.x_label = "averaging time τ, s";
-    panel.y_label = "Allan deviation, " + unit.unit;
-    panel.logarithmic = true;
-    for (std::size_t axis = 0; axis < 3; ++axis) {
-      const AllanAxis& a = allan.axes[axis + (gyro ? 0 : 3)];
-      Series markers = axis_series(axis);
-      Series line, intervals, beside;
-      line.colour = intervals.colour = beside.colour = markers.colour;
-      beside.style = Series::Style::open_circle;
-      for (const AllanPoint& p : a.points) {
-        if (!(p.deviation > 0.0) || !(p.tau_s > 0.0)) continue;
-        markers.points.emplace_back(p.tau_s, p.deviation * unit.factor);
-        const bool fitted = !a.fit.cut || 2.0 * p.tau_s * a.fit.highest_hz >= 1.0;
-        if (const double variance = allan_variance(a.fit, p.tau_s); fitted && variance > 0.0)
-          line.points.emplace_back(p.tau_s, std::sqrt(variance) * unit.factor);
-        if (!(p.low > 0.0)) continue;
-        for (const double end : {p.low, p.high}) intervals.points.emplace_back(p.tau_s, end * unit.factor);
-        intervals.points.emplace_back(no_point, no_point);
-      }
-      if (other != nullptr)
-        for (const AllanPoint& p : other->axes[axis + (gyro ? 0 : 3)].points)
-          beside.points.emplace_back(p.tau_s, p.deviation * unit.factor);
-      for (Series* series : {&line, &intervals, &beside, &markers}) panel.series.push_back(std::move(*series));
-    }
-    if (!panel.empty()) figure.panels.push_back(std::move(panel));
-  }
-  return figure;
-}
-
-double family_threshold_z(const Diagnosis& diagnosis, double false_alarm) {
-  const auto visible = std::ranges::count_if(diagnosis.candidates, [](const CandidateScore& c) { return c.visible; });
-  return std::sqrt(chi_square_1_limit(false_alarm / double(std::max<std::ptrdiff_t>(visible, 1))));
-}
-
-std::vector<const CandidateScore*> strongest_candidates(const Diagnosis& diagnosis) {
-  std::vector<const CandidateScore*> found;
-  for (const EffectEntry& entry : effect_catalogue()) {
-    const CandidateScore* best = nullptr;
-    for (const CandidateScore& c : diagnosis.candidates)
-      if (c.column.entry != nullptr && c.column.entry->name == entry.name && c.visible && std::isfinite(c.z) &&
-          (best == nullptr || std::abs(c.z) >= std::abs(best->z)))
-        best = &c;
-    if (best != nullptr) found.push_back(best);
-  }
-  std::ranges::stable_sort(found, [](auto* a, auto* b) { return std::abs(a->z) > std::abs(b->z); });
-  return found;
-}
-
-// ---- the residual, dwell by dwell ----
-
-namespace {
-
 using Eigen::Vector3d;
 constexpr std::size_t fewest_seconds = 8;
 
@@ -242,80 +74,6 @@ DwellResidual::Side fit_side(const std::vector<ResidualPoint>& points, std::size
   side.gyro_radps = C_nb.transpose() * Vector3d(j.z(), 0.0, -j.x()) / gravity_mps2;
   return side;
 }
-
-}  // namespace
-
-void DwellResidual::add_turn(const Block& block, const SensorModel& model) {
-  const Vector3d turn = model.gyro_scale * block.gyro - model.gyro_bias_radps * block.duration_s;
-  turned_rad += turn;
-  const Vector3d rate = turn / block.duration_s;
-  for (int axis = 0; axis < 3; ++axis)
-    if (std::abs(rate[axis]) > std::abs(fastest_radps[axis])) fastest_radps[axis] = rate[axis];
-}
-
-std::vector<std::pair<std::size_t, std::size_t>> rests(const std::vector<ResidualPoint>& points) {
-  std::vector<std::pair<std::size_t, std::size_t>> result;
-  for (std::size_t i = 0; i < points.size(); ++i) {
-    const bool begins =
-        i == 0 || points[i].since_rotation_s <= points[i - 1].since_rotation_s ||
-        points[i].time_s - points[i - 1].time_s > 1.5 * (points[i].since_rotation_s - points[i - 1].since_rotation_s);
-    if (begins) result.emplace_back(i, i);
-    result.back().second = i + 1;
-  }
-  return result;
-}
-
-std::vector<DwellResidual> dwell_residuals(const Diagnosis& diagnosis, const CompressedRecording& recording) {
-  const std::vector<ResidualPoint>& points = diagnosis.residuals;
-  const SensorModel model = sensor_model(diagnosis.base.parameters, recording.info);
-  std::vector<DwellResidual> result;
-  for (auto [first, last] : rests(points)) {
-    if (before_any_rotation(points[first])) continue;
-    while (last > first && points[last - 1].time_s - points[first].time_s > fit_window_s) --last;
-    if (last - first < fewest_seconds) continue;
-    const ResidualPoint& p = points[first];
-    if (p.segment < 0 || std::size_t(p.segment) >= recording.segments.size()) continue;
-    const Segment& segment = recording.segments[std::size_t(p.segment)];
-    DwellResidual d;
-    d.segment = p.segment;
-    d.step = segment.step;
-    d.time_s = 0.5 * (p.time_s + points[last - 1].time_s);
-    d.table_deg = {within_180(segment.heading_deg), within_180(segment.pitch_deg), within_180(segment.roll_deg)};
-    Vector3d f = Vector3d::Zero();
-    double temperature = 0.0;
-    for (std::size_t i = first; i < last; ++i) {
-      f += points[i].f_b_mps2;
-      temperature += points[i].temperature_c;
-    }
-    f /= double(last - first);
-    d.f_b_g = f / standard_gravity_mps2;
-    d.temperature_c = recording.info.has_temperature ? temperature / double(last - first) : no_point;
-    const Eigen::Matrix3d C_nb =
-        level(attitude_from_angles(segment.heading_deg * rad_per_deg, segment.pitch_deg * rad_per_deg,
-                                   segment.roll_deg * rad_per_deg),
-              f);
-    d.level_share = (Vector3d::Ones() - C_nb.row(1).transpose().cwiseAbs2()).cwiseMax(0.0).cwiseSqrt();
-    d.before = fit_side(points, first, last, false, C_nb, recording.info.gravity_mps2);
-    d.after = fit_side(points, first, last, true, C_nb, recording.info.gravity_mps2);
-    add_motion(recording, model, p.block, d);
-    result.push_back(d);
-  }
-  return result;
-}
-
-double velocity_rms_mps(const Diagnosis& diagnosis, bool after) {
-  double sum = 0.0;
-  double count = 0.0;
-  for (const auto& [first, last] : rests(diagnosis.residuals))
-    for (std::size_t i = first; i < std::min(last, first + velocity_seconds); ++i) {
-      const ResidualPoint& p = diagnosis.residuals[i];
-      sum += (after ? p.velocity_after_mps : p.velocity_before_mps).squaredNorm();
-      count += 1.0;
-    }
-  return count > 0.0 ? std::sqrt(sum / count) : no_point;
-}
-
-namespace {
 
 constexpr std::size_t markers_a_series = 300;  // more would make the page heavy, not clearer
 constexpr double horizontal = 0.5;             // level_share above which an axis shows its tilt and its gyro
@@ -503,6 +261,240 @@ void arrange(Figure& figure) {
 }
 
 }  // namespace
+
+std::vector<const EstimatedEffect*> components_of(const JointResult& result, std::string_view effect) {
+  std::vector<const EstimatedEffect*> found;
+  for (const EstimatedEffect& e : result.effects)
+    if (e.column.entry != nullptr && e.column.entry->name == effect) found.push_back(&e);
+  return found;
+}
+
+std::vector<const EstimatedEffect*> strongest_of(const JointResult& result, std::string_view effect) {
+  std::vector<const EstimatedEffect*> found = components_of(result, effect);
+  std::ranges::stable_sort(found, [](auto* a, auto* b) { return z_of(*a) > z_of(*b); });
+  return found;
+}
+
+Series axis_series(std::size_t axis) {
+  constexpr std::array styles = {Series::Style::dot, Series::Style::triangle, Series::Style::square};
+  constexpr std::array colours = {Colour::x, Colour::y, Colour::z};
+  return {body_names[axis], styles[axis], colours[axis], {}};
+}
+
+std::vector<Series> before_after_series(bool with_after) {
+  std::vector<Series> series(with_after ? 2 : 1);
+  series[0].colour = with_after ? Colour::before : Colour::after;
+  series[0].label = with_after ? "before (24 parameters)" : "residual";
+  if (with_after) {
+    series[1].colour = Colour::after;
+    series[1].label = "after (with the effects added)";
+  }
+  return series;
+}
+
+Figure time_figure(const Diagnosis& diagnosis) {
+  Figure figure{
+      "time", "Residual velocity against time, north, up and east",
+      "The unit stands still in every second shown: any velocity is an error. It is navigated freely from "
+      "the beginning of the last rotation on; every rotation starts a new branch, which is shown for two minutes."};
+  figure.panel_height = 185;
+  figure.stacked = true;
+  std::vector<std::pair<std::size_t, std::size_t>> parts = rests(diagnosis.residuals);
+  std::erase_if(parts, [&](const auto& part) { return before_any_rotation(diagnosis.residuals[part.first]); });
+  for (auto& [first, last] : parts)
+    while (last > first && diagnosis.residuals[last - 1].time_s - diagnosis.residuals[first].time_s > fit_window_s)
+      --last;
+  double largest = 0.0;
+  for (const auto& [first, last] : parts)
+    for (std::size_t i = first; i < last; ++i) {
+      const ResidualPoint& p = diagnosis.residuals[i];
+      largest =
+          std::max({largest, p.velocity_before_mps.cwiseAbs().maxCoeff(), p.velocity_after_mps.cwiseAbs().maxCoeff()});
+    }
+  const DisplayUnit unit = velocity_unit(largest);
+  bool cut = false;
+  for (int axis = 0; axis < 3; ++axis) {
+    Panel panel;
+    panel.y_label = std::string(n_names[std::size_t(axis)]) + ", " + unit.unit;
+    if (axis == 2) panel.x_label = "time, h";
+    panel.series = before_after_series(has_after(diagnosis));
+    for (std::size_t s = 0; s < panel.series.size(); ++s) {
+      std::vector<std::pair<double, double>> points;
+      for (const auto& [first, last] : parts) {
+        for (std::size_t i = first; i < last; ++i) {
+          const ResidualPoint& p = diagnosis.residuals[i];
+          points.emplace_back(p.time_s / 3600.0,
+                              (s == 0 ? p.velocity_before_mps : p.velocity_after_mps)[axis] * unit.factor);
+        }
+        points.emplace_back(no_point, no_point);
+      }
+      panel.series[s].points = outline(points, points_a_curve);
+    }
+    panel.y_limit = frame_limit(panel, cut);
+    figure.panels.push_back(std::move(panel));
+  }
+  if (figure.panels.front().empty()) figure.panels.clear();
+  if (cut) figure.caption += " Single branches, as after a fault in the data, leave the frame.";
+  return figure;
+}
+
+void mark_steps(const CompressedRecording& recording, Figure& figure) {
+  double unit_s = 0.0;  // of the axis; stacked panels share one
+  for (Panel& panel : figure.panels) {
+    if (panel.x_label == "time, h") unit_s = 3600.0;
+    if (panel.x_label == "time, min") unit_s = 60.0;
+  }
+  if (unit_s == 0.0 || recording.blocks.empty()) return;
+  const std::int64_t first_sample = recording.blocks.front().start_sample;
+  std::vector<std::pair<double, std::string>> marks;
+  int step = 0;
+  for (const Segment& segment : recording.segments) {
+    if (segment.step == step) continue;
+    step = segment.step;
+    marks.emplace_back(double(segment.start_sample - first_sample) * recording.info.sample_period_s / unit_s,
+                       std::to_string(step));
+  }
+  if (marks.size() < 2) return;
+  for (Panel& panel : figure.panels) {
+    const bool of_time = panel.x_label.starts_with("time, ");
+    if (of_time || figure.stacked) panel.marks = marks;
+  }
+  figure.caption += " Thin lines: where the steps of the sequence begin.";
+}
+
+Figure allan_figure(const AllanResult& allan, const AllanResult* other) {
+  Figure figure{
+      "allan", "Allan deviation of the six sensors with the fitted model",
+      "Markers: overlapping Allan deviation of all rests, with 68 % intervals. Lines: the terms of IEEE 952 that the "
+      "data show, where the noise is of this model."};
+  if (other != nullptr) figure.caption += " Open circles: what it is compared with.";
+  figure.columns = 2;
+  figure.panel_width = 480;
+  figure.panel_height = 330;
+  for (const bool gyro : {true, false}) {
+    const DisplayUnit unit =
+        gyro ? DisplayUnit{1.0 / radps_per_degph, "°/h"} : DisplayUnit{1e6 / standard_gravity_mps2, "µg"};
+    Panel panel;
+    panel.title = gyro ? "gyros" : "accelerometers";
+    panel.x_label = "averaging time τ, s";
+    panel.y_label = "Allan deviation, " + unit.unit;
+    panel.logarithmic = true;
+    for (std::size_t axis = 0; axis < 3; ++axis) {
+      const AllanAxis& a = allan.axes[axis + (gyro ? 0 : 3)];
+      Series markers = axis_series(axis);
+      Series line, intervals, beside;
+      line.colour = intervals.colour = beside.colour = markers.colour;
+      beside.style = Series::Style::open_circle;
+      for (const AllanPoint& p : a.points) {
+        if (!(p.deviation > 0.0) || !(p.tau_s > 0.0)) continue;
+        markers.points.emplace_back(p.tau_s, p.deviation * unit.factor);
+        const bool fitted = !a.fit.cut || 2.0 * p.tau_s * a.fit.highest_hz >= 1.0;
+        if (const double variance = allan_variance(a.fit, p.tau_s); fitted && variance > 0.0)
+          line.points.emplace_back(p.tau_s, std::sqrt(variance) * unit.factor);
+        if (!(p.low > 0.0)) continue;
+        for (const double end : {p.low, p.high}) intervals.points.emplace_back(p.tau_s, end * unit.factor);
+        intervals.points.emplace_back(no_point, no_point);
+      }
+      if (other != nullptr)
+        for (const AllanPoint& p : other->axes[axis + (gyro ? 0 : 3)].points)
+          beside.points.emplace_back(p.tau_s, p.deviation * unit.factor);
+      for (Series* series : {&line, &intervals, &beside, &markers}) panel.series.push_back(std::move(*series));
+    }
+    if (!panel.empty()) figure.panels.push_back(std::move(panel));
+  }
+  return figure;
+}
+
+double family_threshold_z(const Diagnosis& diagnosis, double false_alarm) {
+  const auto visible = std::ranges::count_if(diagnosis.candidates, [](const CandidateScore& c) { return c.visible; });
+  return std::sqrt(chi_square_1_limit(false_alarm / double(std::max<std::ptrdiff_t>(visible, 1))));
+}
+
+std::vector<const CandidateScore*> strongest_candidates(const Diagnosis& diagnosis) {
+  std::vector<const CandidateScore*> found;
+  for (const EffectEntry& entry : effect_catalogue()) {
+    const CandidateScore* best = nullptr;
+    for (const CandidateScore& c : diagnosis.candidates)
+      if (c.column.entry != nullptr && c.column.entry->name == entry.name && c.visible && std::isfinite(c.z) &&
+          (best == nullptr || std::abs(c.z) >= std::abs(best->z)))
+        best = &c;
+    if (best != nullptr) found.push_back(best);
+  }
+  std::ranges::stable_sort(found, [](auto* a, auto* b) { return std::abs(a->z) > std::abs(b->z); });
+  return found;
+}
+
+// ---- the residual, dwell by dwell ----
+
+void DwellResidual::add_turn(const Block& block, const SensorModel& model) {
+  const Vector3d turn = model.gyro_scale * block.gyro - model.gyro_bias_radps * block.duration_s;
+  turned_rad += turn;
+  const Vector3d rate = turn / block.duration_s;
+  for (int axis = 0; axis < 3; ++axis)
+    if (std::abs(rate[axis]) > std::abs(fastest_radps[axis])) fastest_radps[axis] = rate[axis];
+}
+
+std::vector<std::pair<std::size_t, std::size_t>> rests(const std::vector<ResidualPoint>& points) {
+  std::vector<std::pair<std::size_t, std::size_t>> result;
+  for (std::size_t i = 0; i < points.size(); ++i) {
+    const bool begins =
+        i == 0 || points[i].since_rotation_s <= points[i - 1].since_rotation_s ||
+        points[i].time_s - points[i - 1].time_s > 1.5 * (points[i].since_rotation_s - points[i - 1].since_rotation_s);
+    if (begins) result.emplace_back(i, i);
+    result.back().second = i + 1;
+  }
+  return result;
+}
+
+std::vector<DwellResidual> dwell_residuals(const Diagnosis& diagnosis, const CompressedRecording& recording) {
+  const std::vector<ResidualPoint>& points = diagnosis.residuals;
+  const SensorModel model = sensor_model(diagnosis.base.parameters, recording.info);
+  std::vector<DwellResidual> result;
+  for (auto [first, last] : rests(points)) {
+    if (before_any_rotation(points[first])) continue;
+    while (last > first && points[last - 1].time_s - points[first].time_s > fit_window_s) --last;
+    if (last - first < fewest_seconds) continue;
+    const ResidualPoint& p = points[first];
+    if (p.segment < 0 || std::size_t(p.segment) >= recording.segments.size()) continue;
+    const Segment& segment = recording.segments[std::size_t(p.segment)];
+    DwellResidual d;
+    d.segment = p.segment;
+    d.step = segment.step;
+    d.time_s = 0.5 * (p.time_s + points[last - 1].time_s);
+    d.table_deg = {within_180(segment.heading_deg), within_180(segment.pitch_deg), within_180(segment.roll_deg)};
+    Vector3d f = Vector3d::Zero();
+    double temperature = 0.0;
+    for (std::size_t i = first; i < last; ++i) {
+      f += points[i].f_b_mps2;
+      temperature += points[i].temperature_c;
+    }
+    f /= double(last - first);
+    d.f_b_g = f / standard_gravity_mps2;
+    d.temperature_c = recording.info.has_temperature ? temperature / double(last - first) : no_point;
+    const Eigen::Matrix3d C_nb =
+        level(attitude_from_angles(segment.heading_deg * rad_per_deg, segment.pitch_deg * rad_per_deg,
+                                   segment.roll_deg * rad_per_deg),
+              f);
+    d.level_share = (Vector3d::Ones() - C_nb.row(1).transpose().cwiseAbs2()).cwiseMax(0.0).cwiseSqrt();
+    d.before = fit_side(points, first, last, false, C_nb, recording.info.gravity_mps2);
+    d.after = fit_side(points, first, last, true, C_nb, recording.info.gravity_mps2);
+    add_motion(recording, model, p.block, d);
+    result.push_back(d);
+  }
+  return result;
+}
+
+double velocity_rms_mps(const Diagnosis& diagnosis, bool after) {
+  double sum = 0.0;
+  double count = 0.0;
+  for (const auto& [first, last] : rests(diagnosis.residuals))
+    for (std::size_t i = first; i < std::min(last, first + velocity_seconds); ++i) {
+      const ResidualPoint& p = diagnosis.residuals[i];
+      sum += (after ? p.velocity_after_mps : p.velocity_before_mps).squaredNorm();
+      count += 1.0;
+    }
+  return count > 0.0 ? std::sqrt(sum / count) : no_point;
+}
 
 Figure effect_figure(const Diagnosis& diagnosis, const std::vector<DwellResidual>& dwells, const std::string& effect,
                      std::size_t number) {

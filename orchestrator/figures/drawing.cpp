@@ -67,22 +67,6 @@ void name_colours(std::string& text) {
     replace_all(text, reference, "");
 }
 
-}  // namespace
-
-Result<std::vector<std::string>> run_gnuplot(std::string_view script, std::size_t drawings,
-                                             const GnuplotOptions& options) {
-  // Its standard input it reads a byte at a time, what a command gives it as a file: a third of the time of a report.
-  const Result<ChildEnd> drawn =
-      pipe_through("gnuplot-nox", {options.program, "-d", "-e", "load '<cat'"}, script, options.deadline_s);
-  if (!drawn) return failure(drawn.error().message);
-  std::vector<std::string> result = split_drawings(drawn->output);
-  if (result.size() != drawings)
-    return failure(fmt::format("{} drew {} of {} plots{}", options.program, result.size(), drawings, drawn->message()));
-  return result;
-}
-
-namespace {
-
 // What gnuplot has a script show under the pointer becomes a title, which needs none.
 void show_titles(std::string& text) {
   replace_all(text, "<g onmousemove=\"gnuplot_svg.showHypertext(evt,'", "<g><title>");
@@ -127,38 +111,6 @@ bool is_known(const std::pair<double, double>& point) {
   return std::isfinite(point.first) && std::isfinite(point.second);
 }
 bool has_points(const Series& series) { return std::ranges::any_of(series.points, is_known); }
-
-}  // namespace
-
-bool Panel::empty() const { return std::ranges::none_of(series, has_points); }
-
-std::vector<std::pair<double, double>> outline(const std::vector<std::pair<double, double>>& points,
-                                               std::size_t limit) {
-  if (points.size() <= limit) return points;
-  // Two points a bucket and room for a break after it.
-  const std::size_t buckets = std::max<std::size_t>(limit / 3, 1);
-  std::vector<std::pair<double, double>> result;
-  for (std::size_t k = 0; k < buckets; ++k) {
-    const std::size_t begin = k * points.size() / buckets, end = (k + 1) * points.size() / buckets;
-    std::size_t low = end, high = end, gap = end;
-    for (std::size_t i = begin; i < end; ++i) {
-      if (!is_known(points[i])) {
-        gap = i;
-        continue;
-      }
-      if (low == end || points[i].second < points[low].second) low = i;
-      if (high == end || points[i].second >= points[high].second) high = i;
-    }
-    std::vector<std::size_t> kept;
-    for (const std::size_t i : {low, high, gap})
-      if (i != end && std::ranges::find(kept, i) == kept.end()) kept.push_back(i);
-    std::ranges::sort(kept);
-    for (const std::size_t i : kept) result.push_back(points[i]);
-  }
-  return result;
-}
-
-namespace {
 
 std::string gnuplot_terminal(int width, int height) {
   return fmt::format(
@@ -343,6 +295,46 @@ std::vector<Drawing::Key> legend_of(const Figure& figure) {
 }
 
 }  // namespace
+
+Result<std::vector<std::string>> run_gnuplot(std::string_view script, std::size_t drawings,
+                                             const GnuplotOptions& options) {
+  // Its standard input it reads a byte at a time, what a command gives it as a file: a third of the time of a report.
+  const Result<ChildEnd> drawn =
+      pipe_through("gnuplot-nox", {options.program, "-d", "-e", "load '<cat'"}, script, options.deadline_s);
+  if (!drawn) return failure(drawn.error().message);
+  std::vector<std::string> result = split_drawings(drawn->output);
+  if (result.size() != drawings)
+    return failure(fmt::format("{} drew {} of {} plots{}", options.program, result.size(), drawings, drawn->message()));
+  return result;
+}
+
+bool Panel::empty() const { return std::ranges::none_of(series, has_points); }
+
+std::vector<std::pair<double, double>> outline(const std::vector<std::pair<double, double>>& points,
+                                               std::size_t limit) {
+  if (points.size() <= limit) return points;
+  // Two points a bucket and room for a break after it.
+  const std::size_t buckets = std::max<std::size_t>(limit / 3, 1);
+  std::vector<std::pair<double, double>> result;
+  for (std::size_t k = 0; k < buckets; ++k) {
+    const std::size_t begin = k * points.size() / buckets, end = (k + 1) * points.size() / buckets;
+    std::size_t low = end, high = end, gap = end;
+    for (std::size_t i = begin; i < end; ++i) {
+      if (!is_known(points[i])) {
+        gap = i;
+        continue;
+      }
+      if (low == end || points[i].second < points[low].second) low = i;
+      if (high == end || points[i].second >= points[high].second) high = i;
+    }
+    std::vector<std::size_t> kept;
+    for (const std::size_t i : {low, high, gap})
+      if (i != end && std::ranges::find(kept, i) == kept.end()) kept.push_back(i);
+    std::ranges::sort(kept);
+    for (const std::size_t i : kept) result.push_back(points[i]);
+  }
+  return result;
+}
 
 Figure small_panels(std::string id, std::string label, std::string caption) {
   Figure figure{std::move(id), std::move(label), std::move(caption)};

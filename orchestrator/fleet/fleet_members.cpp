@@ -437,33 +437,28 @@ Document fleet_document(const FleetDiagnosis& d, const FleetSource& source, cons
 DataTable table_of(const FleetDiagnosis& d, const FleetSource& source) {
   DataTable table({"what", "level", "component", "shape", "value", "sigma", "unit", "z", "begin", "begin_low",
                    "begin_high", "recordings", "rivals"});
-  const auto begin = [&table](const std::string& what, const std::string& level, const std::string& component,
-                              FleetShape shape, double value, double sigma, double z) {
-    table.begin_row();
-    for (const std::string& word : {what, level, component, std::string(to_string(shape))}) table.text(word);
-    table.number(value);
-    table.number(sigma);
-    table.text(unit_of_component(component));
-    table.number(z);
-  };
-  const auto date = [&](const FleetEffect& e, double day) {
-    if (e.shape == FleetShape::constant)
-      table.nothing();
-    else
-      table.text(date_of(source.first_day + day));
-  };
   for (const FleetEffect& e : d.effects) {
-    begin(e.factor.empty() ? "all" : e.factor, e.level, e.component, e.shape, e.value, e.sigma, e.z);
-    for (const double day : {e.begin_day, e.begin_low, e.begin_high}) date(e, day);
-    table.count(std::int64_t(e.recordings));
-    table.text(join(e.rivals, "; "));
+    const auto date = [&](double day) {
+      return e.shape == FleetShape::constant ? DataCell() : DataCell(date_of(source.first_day + day));
+    };
+    table.row({e.factor.empty() ? "all" : e.factor, e.level, e.component, to_string(e.shape), e.value, e.sigma,
+               unit_of_component(e.component), e.z, date(e.begin_day), date(e.begin_low), date(e.begin_high),
+               e.recordings, join(e.rivals, "; ")});
   }
-  for (const OutstandingUnit& u : d.units) {
-    begin("unit", source.members[u.member].unit, u.component, FleetShape::constant, u.value, u.sigma, u.z);
-    for (int k = 0; k < 3; ++k) table.nothing();
-    table.count(1);
-    table.text("");
-  }
+  for (const OutstandingUnit& u : d.units)
+    table.row({"unit",
+               source.members[u.member].unit,
+               u.component,
+               to_string(FleetShape::constant),
+               u.value,
+               u.sigma,
+               unit_of_component(u.component),
+               u.z,
+               {},
+               {},
+               {},
+               1,
+               ""});
   return table;
 }
 

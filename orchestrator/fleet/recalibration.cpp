@@ -306,13 +306,8 @@ Result<RecalibrationCounts> recalibrate(const std::vector<ArchiveEntry>& archive
   }
   if (storage) return *storage;
   DataTable table({"outcome", "recording", "hash", "reason"});
-  for (std::size_t k = 0; k < works.size(); ++k) {
-    table.begin_row();
-    table.text(outcome_names[works[k].outcome]);
-    table.text(mine[k]->recording);
-    table.text(works[k].hash);
-    table.text(works[k].reason);
-  }
+  for (std::size_t k = 0; k < works.size(); ++k)
+    table.row({outcome_names[works[k].outcome], mine[k]->recording, works[k].hash, works[k].reason});
   TRY(write_file_atomically(outcome_file(request), table.csv()));
   return counts;
 }

@@ -389,13 +389,8 @@ std::string shift_csv(const ShiftReport& report) {
   DataTable text({"table", "item", "quantity", "value"});
   const auto add = [&text](const char* table, const std::string& item,
                            std::initializer_list<std::pair<const char*, std::optional<double>>> quantities) {
-    for (const auto& [quantity, value] : quantities) {
-      if (!value) continue;
-      text.begin_row();
-      for (const std::string_view word : {std::string_view(table), std::string_view(item), std::string_view(quantity)})
-        text.text(word);
-      text.number(*value);
-    }
+    for (const auto& [quantity, value] : quantities)
+      if (value) text.row({table, item, quantity, *value});
   };
   const auto yield = [&add](const char* table, const std::string& of, const LineYield& y) {
     add(table, of,
@@ -435,12 +430,8 @@ std::string signals_csv(const ShiftReport& report) {
   DataTable text({"time_utc", "unit", "chart", "point", "value", "rule", "words"});
   for (const ChartSignal& s : signals_of(report.charts)) {
     const std::size_t i = s.signal.point;
-    text.begin_row();
-    for (const std::string* word : {&s.chart->times[i], &s.chart->units[i], &s.chart->key}) text.text(*word);
-    text.count(std::int64_t(i) + 1);
-    text.number(s.chart->values[i]);
-    text.count(s.signal.rule);
-    text.text(run_rules[s.signal.rule - 1].words);
+    text.row({s.chart->times[i], s.chart->units[i], s.chart->key, i + 1, s.chart->values[i], s.signal.rule,
+              run_rules[s.signal.rule - 1].words});
   }
   return text.csv();
 }

@@ -354,11 +354,8 @@ Result<DataTable> journal_as_table(const std::string& path) {
     while (!fields.empty()) {
       const std::string_view line = next_line(fields);
       const std::size_t equals = std::min(line.find('='), line.size());
-      table.begin_row();
-      table.count(record.number);
-      table.text(to_string(static_cast<JournalType>(record.type)));
-      table.text(trimmed(line.substr(0, equals)));
-      table.text(unescaped_value(trimmed(line.substr(std::min(equals + 1, line.size())))));
+      table.row({record.number, to_string(static_cast<JournalType>(record.type)), trimmed(line.substr(0, equals)),
+                 unescaped_value(trimmed(line.substr(std::min(equals + 1, line.size()))))});
     }
     return {};
   };

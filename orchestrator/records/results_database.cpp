@@ -184,9 +184,10 @@ std::string key_of(const AttemptRecord& a, const SqlRow& row) {
 Status expect_one_of(const std::string& option, const std::string& word, const std::vector<std::string>& there) {
   if (word.empty() || std::ranges::find(there, word) != there.end()) return {};
   constexpr std::size_t shown = 14;
-  const auto some = fmt::join(there.begin(), there.begin() + std::ptrdiff_t(std::min(shown, there.size())), ", ");
+  const std::vector<std::string> some(there.begin(), there.begin() + std::ptrdiff_t(std::min(shown, there.size())));
   return input_error("--" + option + " " + turncal::quoted(word) + ": no row has it: expected " +
-                     (there.empty() ? "none" : fmt::format("one of {}", some)) + (there.size() > shown ? ", ..." : ""));
+                     (there.empty() ? "none" : fmt::format("one of {}", fmt::join(some, ", "))) +
+                     (there.size() > shown ? ", ..." : ""));
 }
 
 Fields with_id(AttemptRecord& attempt) {
@@ -503,8 +504,9 @@ DataTable attempts_table(const std::vector<AttemptRecord>& all) {
   DataTable table({words.begin(), words.end()});
   for (AttemptRecord attempt : all) {
     const Fields fields = with_id(attempt);
-    table.begin_row();
-    for (const std::string_view word : words) add_cell(field_named(word, fields), table);
+    std::vector<DataCell> cells;
+    for (const std::string_view word : words) cells.push_back(cell_of(field_named(word, fields)));
+    table.row(std::move(cells));
   }
   return table;
 }

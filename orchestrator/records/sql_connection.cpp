@@ -346,7 +346,8 @@ Result<std::shared_ptr<SqlConnection>> connect_to_server(const std::string& name
   const auto connection = std::make_shared<PostgresConnection>(name, patience);
   TRY(connection->open());
   if (!writes)
-    TRY(connection->run("SET SESSION CHARACTERISTICS AS TRANSACTION READ ONLY, ISOLATION LEVEL REPEATABLE READ"));
+    TRY(connection->run("SET SESSION CHARACTERISTICS AS TRANSACTION READ ONLY, ISOLATION LEVEL REPEATABLE READ", {},
+                        {}));
   return std::shared_ptr<SqlConnection>(connection);
 }
 

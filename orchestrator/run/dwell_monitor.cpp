@@ -11,26 +11,6 @@
 
 namespace turncal {
 
-namespace {
-
-struct Scatter {
-  void add(double value) {
-    if (count == 0) first = value;
-    sum += value - first;
-    squares += (value - first) * (value - first);
-    ++count;
-  }
-  double mean() const { return first + sum / double(count); }
-  double variance() const {
-    const double n = double(count);
-    return std::max(0.0, squares - sum * sum / n) / (n - 1.0);
-  }
-  double first = 0.0, sum = 0.0, squares = 0.0;
-  std::size_t count = 0;
-};
-
-}  // namespace
-
 std::array<double, 6> mean_per_count(const RecordingInfo& info, std::int64_t samples) {
   const double seconds = double(samples) * info.sample_period_s;
   const double gyro_degps = nominal_gyro_rad(info) / rad_per_deg / seconds;

@@ -21,6 +21,7 @@
 // a per cent of scale error does not matter here. That the table reads elsewhere is the caller's to see.
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <cstdint>
 #include <limits>
@@ -37,6 +38,23 @@ namespace turncal {
 
 // What a count in the sum over so many samples is of their mean, by the nominal scale: deg/s of the gyros, m/s^2 of the accelerometers.
 std::array<double, 6> mean_per_count(const RecordingInfo& info, std::int64_t samples);
+
+// Mean and variance of numbers as they come; relative to the first, so that nothing is lost to a large mean.
+struct Scatter {
+  void add(double value) {
+    if (count == 0) first = value;
+    sum += value - first;
+    squares += (value - first) * (value - first);
+    ++count;
+  }
+  double mean() const { return first + sum / double(count); }
+  double variance() const {
+    const double n = double(count);
+    return std::max(0.0, squares - sum * sum / n) / (n - 1.0);
+  }
+  double first = 0.0, sum = 0.0, squares = 0.0;
+  std::size_t count = 0;
+};
 
 class DwellMonitor {
  public:

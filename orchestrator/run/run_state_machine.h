@@ -154,7 +154,7 @@ constexpr GuardSet guards_of(bool rest_due, bool repeats_left, RunGuard stop_cau
 
 struct TransitionRow {
   StateSet from;
-  RunEvent event;
+  EventSet events;
   RunGuard guard;
   RunState to;
   RunAction action;
@@ -205,7 +205,6 @@ inline constexpr TransitionRow rows[] = {
   {step_done,      sequence_complete,  always,          parking,     stop_table},
   {parking,        stopped_verified,   always,          calibrating, calibrate},
   {calibrating,    calibration_ok,     always,          done,        announce},
-  {calibrating,    calibration_failed, always,          stopping,    stop_table},
 
   {homing,         pause_wanted,       always,          homing,      none},
   {moving,         pause_wanted,       always,          moving,      none},
@@ -218,23 +217,16 @@ inline constexpr TransitionRow rows[] = {
   {moving,         stall,              always,          stopping,    stop_table},
   {{homing, moving, settling, dwelling},
                    deadline,           always,          stopping,    stop_table},
-  {live_states,    table_fault,        always,          stopping,    stop_table},
-  {live_states,    e_stop,             always,          stopping,    stop_table},
-  {live_states,    link_lost,          always,          stopping,    stop_table},
-  {live_states,    chamber_fault,      always,          stopping,    stop_table},
-  {live_states,    imu_lost,           always,          stopping,    stop_table},
-  {live_states,    storage_failed,     always,          stopping,    stop_table},
-  {live_states,    unit_wrong,         always,          stopping,    stop_table},
-  {live_states,    operator_stop,      always,          stopping,    stop_table},
-  {calibrating,    operator_stop,      always,          stopping,    stop_table},
-  {live_states,    end_wanted,         always,          stopping,    stop_table},
-  {calibrating,    end_wanted,         always,          stopping,    stop_table},
+  {live_states,    {table_fault, e_stop, link_lost, chamber_fault, imu_lost, storage_failed, unit_wrong, operator_stop, end_wanted},
+                                       always,          stopping,    stop_table},
+  {calibrating,    {calibration_failed, operator_stop, end_wanted},
+                                       always,          stopping,    stop_table},
 
   {stopping,       stopped_verified,   by_error,        failed,      announce},
   {stopping,       stopped_verified,   by_operator,     aborted,     announce},
   {stopping,       stopped_verified,   by_interruption, interrupted, announce},
-  {stopping,       operator_stop,      always,          stopping,    abort_table},
-  {stopping,       end_wanted,         always,          stopping,    abort_table},
+  {stopping,       {operator_stop, end_wanted},
+                                       always,          stopping,    abort_table},
   {{stopping, parking},
                    deadline,           always,          failed,      announce},
   {connecting,     connect_failed,     always,          failed,      announce},
@@ -275,7 +267,7 @@ struct Transition {
 // Unexpected: to `stopping` with stop_table where the drives may be on, else to `failed`.
 constexpr Transition next(RunState state, RunEvent event, GuardSet guards) {
   for (const TransitionRow& row : transition_table)
-    if (row.event == event && row.from.contains(state) && guards.contains(row.guard))
+    if (row.events.contains(event) && row.from.contains(state) && guards.contains(row.guard))
       return {Transition::Outcome::taken, row.to, row.action};
   for (const IgnoredRow& row : ignored_events)
     if (row.in.contains(state) && row.events.contains(event))

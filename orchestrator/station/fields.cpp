@@ -135,16 +135,15 @@ void read_fields(KeyValueFile& file, const Fields& fields) {
 }
 
 void add_row(const Fields& fields, DataTable& table) {
-  table.begin_row();
-  for (const Field& field : fields) add_cell(field, table);
+  std::vector<DataCell> cells;
+  for (const Field& field : fields) cells.push_back(cell_of(field));
+  table.row(std::move(cells));
 }
 
-void add_cell(const Field& field, DataTable& table) {
+DataCell cell_of(const Field& field) {
   const std::string text = text_of(field);
-  if (std::holds_alternative<std::string*>(field.value) || std::holds_alternative<Choice>(field.value))
-    table.text(text);
-  else
-    table.word(text == "nan" || text == "inf" || text == "-inf" ? "" : text);
+  if (std::holds_alternative<std::string*>(field.value) || std::holds_alternative<Choice>(field.value)) return text;
+  return DataCell::of_word(text == "nan" || text == "inf" || text == "-inf" ? "" : text);
 }
 
 std::string json_of(const Fields& fields) {

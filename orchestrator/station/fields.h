@@ -73,7 +73,7 @@ void set_texts(const KeyTexts& texts, const Fields& fields);
 void read_fields(KeyValueFile& file, const Fields& fields);
 
 std::string json_of(const Fields& fields);  // one object
-void add_cell(const Field& field, DataTable& table);
+DataCell cell_of(const Field& field);
 void add_row(const Fields& fields, DataTable& table);  // the columns of the table are those of the fields
 
 const std::string& value_of(const KeyTexts& texts, std::string_view key);  // "" when missing

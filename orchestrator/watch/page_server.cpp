@@ -63,23 +63,6 @@ std::string refusal(int code, const char* reason) {
   return response(code, reason, {"text/plain; charset=utf-8", std::string(reason) + "\n"});
 }
 
-}  // namespace
-
-Result<PageAddress> parse_page_address(const std::string& text) {
-  const std::size_t colon = text.rfind(':');
-  const std::optional<int> given = parse_integer<int>(colon == std::string::npos ? "" : text.substr(colon + 1));
-  const int port = given.value_or(-1);
-  std::string host = colon == std::string::npos ? "" : text.substr(0, colon);
-  const bool brackets = host.size() > 2 && host.front() == '[' && host.back() == ']';
-  if (brackets) host = host.substr(1, host.size() - 2);
-  const bool plain = brackets || host.find_first_of(":[]") == std::string::npos;
-  if (port < 0 || port > 65535 || host.empty() || !plain)
-    return input_error("--listen '" + text + "': expected ADDRESS:PORT, as 127.0.0.1:8080 or [::1]:8080");
-  return PageAddress{host, port};
-}
-
-namespace {
-
 struct OpenServer : PageServer {
   // A socket and how far its one request is.
   struct Connection {
@@ -299,6 +282,19 @@ struct OpenServer : PageServer {
 };
 
 }  // namespace
+
+Result<PageAddress> parse_page_address(const std::string& text) {
+  const std::size_t colon = text.rfind(':');
+  const std::optional<int> given = parse_integer<int>(colon == std::string::npos ? "" : text.substr(colon + 1));
+  const int port = given.value_or(-1);
+  std::string host = colon == std::string::npos ? "" : text.substr(0, colon);
+  const bool brackets = host.size() > 2 && host.front() == '[' && host.back() == ']';
+  if (brackets) host = host.substr(1, host.size() - 2);
+  const bool plain = brackets || host.find_first_of(":[]") == std::string::npos;
+  if (port < 0 || port > 65535 || host.empty() || !plain)
+    return input_error("--listen '" + text + "': expected ADDRESS:PORT, as 127.0.0.1:8080 or [::1]:8080");
+  return PageAddress{host, port};
+}
 
 PageText page_with(std::string_view html, const std::string& status) {
   std::string text(html);

@@ -194,17 +194,13 @@ std::string LiveStatus::json() const {
   std::vector<std::string> series;
   for (std::size_t i = 0; i < 6; ++i) {
     std::vector<std::string> points;
-    double sum = 0.0, square = 0.0;
+    Scatter scatter;
     for (const Channels& second : dwell_) {
-      const double x = second[i] - dwell_.front()[i];
-      sum += x;
-      square += x * x;
-      points.push_back(json_number(x));
+      scatter.add(second[i]);
+      points.push_back(json_number(second[i] - scatter.first));
     }
     series.push_back(json_list(points));
-    const auto n = double(dwell_.size());
-    if (n > 1.0)
-      stillness[i / 3] = std::max(stillness[i / 3], std::sqrt(std::max(0.0, (square - sum * sum / n) / (n - 1.0))));
+    if (dwell_.size() > 1) stillness[i / 3] = std::max(stillness[i / 3], std::sqrt(scatter.variance()));
   }
   o.number("still_gyro_degps", stillness[0]);
   o.number("still_accel_mps2", stillness[1]);

@@ -9,18 +9,8 @@ namespace {
 
 TEST(DataTable, IsTheSameInBothForms) {
   DataTable table({"id", "unit", "value", "good", "none"});
-  table.begin_row();
-  table.count(-3);
-  table.text("SN,1 \"a\"");
-  table.number(0.1);
-  table.flag(true);
-  table.nothing();
-  table.begin_row();
-  table.count(4);
-  table.text("=cmd()");
-  table.number(std::numeric_limits<double>::quiet_NaN());
-  table.flag(false);
-  table.nothing();
+  table.row({-3, "SN,1 \"a\"", 0.1, true, {}});
+  table.row({4, "=cmd()", std::numeric_limits<double>::quiet_NaN(), false, {}});
   EXPECT_EQ(table.as("csv"), "id,unit,value,good,none\n-3,\"SN,1 \"\"a\"\"\",0.1,true,\n4,'=cmd(),,false,\n");
   EXPECT_EQ(table.as("json"),
             "[\n{\"id\":-3,\"unit\":\"SN,1 \\\"a\\\"\",\"value\":0.1,\"good\":true,\"none\":null},\n"
@@ -30,11 +20,8 @@ TEST(DataTable, IsTheSameInBothForms) {
 
 TEST(DataTable, WordsAreWhatTheyRead) {
   DataTable table({"key", "value"});
-  for (const char* word : {"1.50", "-2e-05", "007", "1.", "", "true", "clean", "0", "0.5", "nan", "-"}) {
-    table.begin_row();
-    table.text("k");
-    table.word(word);
-  }
+  for (const char* word : {"1.50", "-2e-05", "007", "1.", "", "true", "clean", "0", "0.5", "nan", "-"})
+    table.row({"k", DataCell::of_word(word)});
   EXPECT_EQ(table.json_object(),
             "{\n\"k\":1.50,\n\"k\":-2e-05,\n\"k\":\"007\",\n\"k\":\"1.\",\n\"k\":null,\n\"k\":true,\n\"k\":\"clean\",\n"
             "\"k\":0,\n\"k\":0.5,\n\"k\":\"nan\",\n\"k\":\"-\"\n}\n");
