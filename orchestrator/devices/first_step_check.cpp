@@ -18,6 +18,12 @@ namespace {
 constexpr double stretch_s = 0.5;
 constexpr double least_stretches = 4.0;  // of a rest that tells its noise
 
+// C_nb
+Eigen::Matrix3d attitude_of(const AxisTriple& angles_deg) {
+  return attitude_from_angles(angles_deg[Axis::heading] * rad_per_deg, angles_deg[Axis::pitch] * rad_per_deg,
+                              angles_deg[Axis::roll] * rad_per_deg);
+}
+
 std::string angles_text(const AxisTriple& deg) {
   return fmt::format("heading {}, pitch {}, roll {} deg", format_number(deg[Axis::heading]),
                      format_number(deg[Axis::pitch]), format_number(deg[Axis::roll]));
@@ -41,12 +47,28 @@ std::optional<std::pair<Axis, double>> turn_between(const AxisTriple& from_deg, 
   return turn;
 }
 
-}  // namespace
-
-Eigen::Matrix3d attitude_of(const AxisTriple& angles_deg) {
-  return attitude_from_angles(angles_deg[Axis::heading] * rad_per_deg, angles_deg[Axis::pitch] * rad_per_deg,
-                              angles_deg[Axis::roll] * rad_per_deg);
+// The gyros' sum over a turn from `from` to `to`, which differ in one axis: degrees, by nominal scale factors.
+Status judge_felt(const Eigen::Vector3d& sum_deg, const AxisTriple& from_deg, const AxisTriple& to_deg,
+                  const DirectionLimits& limits) {
+  const auto turn = turn_between(from_deg, to_deg);
+  if (!turn || std::abs(turn->second) < limits.smallest_turn_deg) return {};
+  const Eigen::Vector3d expected = body_axis_of(turn->first, from_deg) * turn->second;
+  if (points_along(sum_deg, expected, limits.direction_deg)) return {};
+  const std::string turned =
+      fmt::format("the turn of {} by {} deg ", to_string(turn->first), format_number(turn->second));
+  if (sum_deg.norm() == 0.0) return device_error(turned + "was not sensed by any gyro");
+  if (sum_deg.norm() < 0.5 * std::abs(turn->second))
+    return device_error(
+        fmt::format("{}was hardly sensed ({} deg about x, y, z): expected {}: a dead gyro, or a unit that "
+                    "does not ride on the table",
+                    turned, triple_text(sum_deg), triple_text(expected)));
+  return device_error(
+      fmt::format("{}was sensed about {} ({}): expected about {}: mounted another way, signs of the table's "
+                  "axis, or axes and signs of the unit's frame",
+                  turned, nearest_axis(sum_deg), triple_text(sum_deg), nearest_axis(expected)));
 }
+
+}  // namespace
 
 Eigen::Vector3d body_axis_of(Axis axis, const AxisTriple& at_deg) {
   switch (axis) {
@@ -96,26 +118,6 @@ Status judge_force(const Eigen::Vector3d& force_mps2, const AxisTriple& angles_d
         format_number(std::round(std::atan2(force_mps2.cross(up).norm(), force_mps2.dot(up)) / rad_per_deg))));
   return device_error(sensed +
                       "; scale of the accelerometers (accel.pulse_mps, accel.scale of the frame) or a dead one");
-}
-
-Status judge_felt(const Eigen::Vector3d& sum_deg, const AxisTriple& from_deg, const AxisTriple& to_deg,
-                  const DirectionLimits& limits) {
-  const auto turn = turn_between(from_deg, to_deg);
-  if (!turn || std::abs(turn->second) < limits.smallest_turn_deg) return {};
-  const Eigen::Vector3d expected = body_axis_of(turn->first, from_deg) * turn->second;
-  if (points_along(sum_deg, expected, limits.direction_deg)) return {};
-  const std::string turned =
-      fmt::format("the turn of {} by {} deg ", to_string(turn->first), format_number(turn->second));
-  if (sum_deg.norm() == 0.0) return device_error(turned + "was not sensed by any gyro");
-  if (sum_deg.norm() < 0.5 * std::abs(turn->second))
-    return device_error(
-        fmt::format("{}was hardly sensed ({} deg about x, y, z): expected {}: a dead gyro, or a unit that "
-                    "does not ride on the table",
-                    turned, triple_text(sum_deg), triple_text(expected)));
-  return device_error(
-      fmt::format("{}was sensed about {} ({}): expected about {}: mounted another way, signs of the table's "
-                  "axis, or axes and signs of the unit's frame",
-                  turned, nearest_axis(sum_deg), triple_text(sum_deg), nearest_axis(expected)));
 }
 
 std::string EarthRateCheck::add_rest(const Eigen::Vector3d& rate_radps, double sigma_radps, const Eigen::Matrix3d& C_nb,

@@ -34,8 +34,6 @@ struct DirectionLimits {
   double smallest_turn_deg = 2.0;  // that is judged
 };
 
-Eigen::Matrix3d attitude_of(const AxisTriple& angles_deg);  // C_nb
-
 // Of the body, for a turn by + about an axis of the table.
 Eigen::Vector3d body_axis_of(Axis axis, const AxisTriple& at_deg);
 bool points_along(const Eigen::Vector3d& v, const Eigen::Vector3d& direction, double within_deg);
@@ -44,9 +42,6 @@ std::string nearest_axis(const Eigen::Vector3d& v);  // "-z": the one that a dir
 // Means over a rest: m/s^2.
 Status judge_force(const Eigen::Vector3d& force_mps2, const AxisTriple& angles_deg, double gravity_mps2,
                    const DirectionLimits& limits);
-// The gyros' sum over a turn from `from` to `to`, which differ in one axis: degrees, by nominal scale factors.
-Status judge_felt(const Eigen::Vector3d& sum_deg, const AxisTriple& from_deg, const AxisTriple& to_deg,
-                  const DirectionLimits& limits);
 
 // Does the earth turn as site.latitude_deg says? From the rests of a run's first step, before anything is estimated.
 //

@@ -17,6 +17,29 @@ namespace turncal {
 namespace {
 
 constexpr std::size_t points_a_curve = 3000;
+constexpr double fit_window_s =
+    120.0;  // longer dwells are cut: after minutes the angle random walk hides everything else
+
+// Of the sensor along x, y or z: its name, marker and colour.
+Series axis_series(std::size_t axis) {
+  constexpr std::array styles = {Series::Style::dot, Series::Style::triangle, Series::Style::square};
+  constexpr std::array colours = {Colour::x, Colour::y, Colour::z};
+  return {body_names[axis], styles[axis], colours[axis], {}};
+}
+
+// Runs of static seconds after one rotation (the first: before any), [first, last) in `points`.
+std::vector<std::pair<std::size_t, std::size_t>> rests(const std::vector<ResidualPoint>& points) {
+  std::vector<std::pair<std::size_t, std::size_t>> result;
+  for (std::size_t i = 0; i < points.size(); ++i) {
+    const bool begins =
+        i == 0 || points[i].since_rotation_s <= points[i - 1].since_rotation_s ||
+        points[i].time_s - points[i - 1].time_s > 1.5 * (points[i].since_rotation_s - points[i - 1].since_rotation_s);
+    if (begins) result.emplace_back(i, i);
+    result.back().second = i + 1;
+  }
+  return result;
+}
+bool before_any_rotation(const ResidualPoint& point) { return point.since_rotation_s > 1e6; }
 
 // A few branches that a fault has thrown far out must not flatten all others: then the frame is three times what 97 % need.
 double frame_limit(const Panel& panel, bool& cut) {
@@ -275,12 +298,6 @@ std::vector<const EstimatedEffect*> strongest_of(const JointResult& result, std:
   return found;
 }
 
-Series axis_series(std::size_t axis) {
-  constexpr std::array styles = {Series::Style::dot, Series::Style::triangle, Series::Style::square};
-  constexpr std::array colours = {Colour::x, Colour::y, Colour::z};
-  return {body_names[axis], styles[axis], colours[axis], {}};
-}
-
 std::vector<Series> before_after_series(bool with_after) {
   std::vector<Series> series(with_after ? 2 : 1);
   series[0].colour = with_after ? Colour::before : Colour::after;
@@ -432,18 +449,6 @@ void DwellResidual::add_turn(const Block& block, const SensorModel& model) {
   const Vector3d rate = turn / block.duration_s;
   for (int axis = 0; axis < 3; ++axis)
     if (std::abs(rate[axis]) > std::abs(fastest_radps[axis])) fastest_radps[axis] = rate[axis];
-}
-
-std::vector<std::pair<std::size_t, std::size_t>> rests(const std::vector<ResidualPoint>& points) {
-  std::vector<std::pair<std::size_t, std::size_t>> result;
-  for (std::size_t i = 0; i < points.size(); ++i) {
-    const bool begins =
-        i == 0 || points[i].since_rotation_s <= points[i - 1].since_rotation_s ||
-        points[i].time_s - points[i - 1].time_s > 1.5 * (points[i].since_rotation_s - points[i - 1].since_rotation_s);
-    if (begins) result.emplace_back(i, i);
-    result.back().second = i + 1;
-  }
-  return result;
 }
 
 std::vector<DwellResidual> dwell_residuals(const Diagnosis& diagnosis, const CompressedRecording& recording) {

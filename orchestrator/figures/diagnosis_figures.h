@@ -28,8 +28,6 @@ std::vector<const EstimatedEffect*> strongest_of(const JointResult& result, std:
 inline bool has_after(const Diagnosis& diagnosis) { return !diagnosis.effect_names.empty(); }
 // One series or two, without points: residual, or before and after.
 std::vector<Series> before_after_series(bool with_after);
-// Of the sensor along x, y or z: its name, marker and colour.
-Series axis_series(std::size_t axis);
 
 Figure time_figure(const Diagnosis& diagnosis);
 // On every axis of time ("time, h", "time, min") where the steps of the sequence begin.
@@ -39,7 +37,7 @@ Figure allan_figure(const AllanResult& allan, const AllanResult* other = nullptr
 
 // What each dwell after a rotation says about the residual, in the axes of the sensors. The residual is the velocity (n frame, m/s) that the unit shows when it is navigated freely from the beginning of the last
 // rotation on, although it stands. From each dwell after a rotation three numbers are read off:
-//   v(t) = v0 + a t + j t (t - T) / 2, t from the start of the dwell, least squares over T, at most fit_window_s
+//   v(t) = v0 + a t + j t (t - T) / 2, t from the start of the dwell, least squares over T, at most 120 s
 //   accelerometer residual  C_bn a                   excess reading of the accelerometers (and g times the tilt error)
 //   tilt residual           C_bn (a_E, 0, -a_N) / g  attitude error that the rotation left; horizontal axes only
 //   gyro residual           C_bn (j_E, 0, -j_N) / g  excess reading of the gyros; horizontal axes only
@@ -65,13 +63,7 @@ struct DwellResidual {
   void add_turn(const Block& block, const SensorModel& model);
 };
 
-// Longer dwells are cut: after minutes the angle random walk hides everything else.
-inline constexpr double fit_window_s = 120.0;
 std::vector<DwellResidual> dwell_residuals(const Diagnosis& diagnosis, const CompressedRecording& recording);
-
-// Runs of static seconds after one rotation (the first: before any), [first, last) in `points`.
-std::vector<std::pair<std::size_t, std::size_t>> rests(const std::vector<ResidualPoint>& points);
-inline bool before_any_rotation(const ResidualPoint& point) { return point.since_rotation_s > 1e6; }
 
 // rms of the residual velocity over the first velocity_seconds of every dwell, as on held-out data (holdout.h). NaN: none.
 double velocity_rms_mps(const Diagnosis& diagnosis, bool after);

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <filesystem>
+#include <functional>
 #include <limits>
 #include <map>
 #include <set>
@@ -25,6 +26,8 @@
 
 namespace turncal {
 
+namespace fs = std::filesystem;
+
 namespace {
 
 constexpr double day_s = 86400.0;
@@ -34,6 +37,40 @@ std::string level_of(const ParameterFile& file, const std::string& factor, const
   if (factor == "month") return measured.substr(0, 7);
   const std::string* const value = find_further(file, "record." + factor);
   return value && !value->empty() ? *value : "?";
+}
+
+// "2026-01-31" of days since 1970-01-01.
+std::string date_of(double day) { return format_utc(day * day_s).substr(0, 10); }
+
+// What earlier calibrations have left, wherever it is kept: in files below a folder (of runs, or a store of `turncal recalibrate`), or in the
+// rows of a results database. `where`: the file, or the database and its row.
+using EachKeptFile = std::function<void(const std::string& where, const Result<std::string>& contents)>;
+
+Status in_database(const std::string& source, const std::string& name, const EachKeptFile& each) {
+  const ResultsDatabase database = TRY(ResultsDatabase::open_to_read(source));
+  const bool statistics = name == statistics_name;
+  return database.each_calibration(statistics, [&](const StoredCalibration& row) {
+    const std::string where = source + ": row " + std::to_string(row.id);
+    if (!statistics) return each(where, row.parameter_file);
+    const auto* const bytes = reinterpret_cast<const char*>(row.statistics.data());
+    if (!row.statistics.empty()) each(where, std::string(bytes, row.statistics.size()));
+  });
+}
+
+// Every file called `name`, parameters.conf or statistics.tcs: below a folder in the order of paths, but for folders that begin with a dot; of a
+// database the newest of each recording. Errors: what cannot be read at all.
+Status each_kept_file(const std::string& source, const std::string& name, const EachKeptFile& each) {
+  if (names_a_database(source)) return in_database(source, name, each);
+  std::vector<std::string> paths;
+  std::error_code error;
+  for (fs::recursive_directory_iterator at(source, error), end; at != end && !error; at.increment(error))
+    if (at->path().filename() == name && !at->path().parent_path().filename().string().starts_with('.'))
+      paths.push_back(at->path().string());
+  if (error) TRY(expect_file(source, FileKind::database));
+  if (error) return input_error(source + ": cannot read: " + error.message());
+  std::ranges::sort(paths);
+  for (const std::string& path : paths) each(path, read_whole_file(path));
+  return {};
 }
 
 }  // namespace
@@ -85,39 +122,6 @@ Result<FleetSource> read_fleet(const std::string& from, const std::vector<std::s
     source.members.push_back(std::move(one.member));
   }
   return source;
-}
-
-std::string date_of(double day) { return format_utc(day * day_s).substr(0, 10); }
-
-namespace {
-
-namespace fs = std::filesystem;
-
-Status in_database(const std::string& source, const std::string& name, const EachKeptFile& each) {
-  const ResultsDatabase database = TRY(ResultsDatabase::open_to_read(source));
-  const bool statistics = name == statistics_name;
-  return database.each_calibration(statistics, [&](const StoredCalibration& row) {
-    const std::string where = source + ": row " + std::to_string(row.id);
-    if (!statistics) return each(where, row.parameter_file);
-    const auto* const bytes = reinterpret_cast<const char*>(row.statistics.data());
-    if (!row.statistics.empty()) each(where, std::string(bytes, row.statistics.size()));
-  });
-}
-
-}  // namespace
-
-Status each_kept_file(const std::string& source, const std::string& name, const EachKeptFile& each) {
-  if (names_a_database(source)) return in_database(source, name, each);
-  std::vector<std::string> paths;
-  std::error_code error;
-  for (fs::recursive_directory_iterator at(source, error), end; at != end && !error; at.increment(error))
-    if (at->path().filename() == name && !at->path().parent_path().filename().string().starts_with('.'))
-      paths.push_back(at->path().string());
-  if (error) TRY(expect_file(source, FileKind::database));
-  if (error) return input_error(source + ": cannot read: " + error.message());
-  std::ranges::sort(paths);
-  for (const std::string& path : paths) each(path, read_whole_file(path));
-  return {};
 }
 
 // ---- earlier calibrations as a prior ----
@@ -248,6 +252,11 @@ Status add_prior(const PriorSource& source, const LoadedRecording& recording, co
 
 // ---- the diagnosis as a document and a table ----
 
+namespace {
+
+using namespace cell;
+
+// "ug/g^2"; of parameters that of the parameter file.
 std::string unit_of_component(const std::string& component) {
   if (const EffectEntry* const entry = find_effect(component.substr(0, component.find('.'))))
     return std::string(entry->unit);
@@ -256,10 +265,6 @@ std::string unit_of_component(const std::string& component) {
   const std::string unit = parameter_unit(component.substr(of_parameter.size()), IncrementKind::physical);
   return unit == "-" ? "" : unit;
 }
-
-namespace {
-
-using namespace cell;
 
 constexpr std::size_t most_components = 12;  // of the table of levels, the most conspicuous ones
 constexpr std::size_t most_levels = 12;

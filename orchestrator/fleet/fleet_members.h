@@ -1,7 +1,6 @@
-// The statistics that calibrations have left (each_kept_file), as members of a fleet.
+// The statistics that calibrations have left, as members of a fleet.
 #pragma once
 
-#include <functional>
 #include <string>
 #include <vector>
 
@@ -27,20 +26,8 @@ struct FleetSource {
 // whose time is not known has no day, and does not count where changes in time are looked for. Errors: not one; simulated and real together.
 Result<FleetSource> read_fleet(const std::string& from, const std::vector<std::string>& factors);
 
-// "2026-01-31" of days since 1970-01-01.
-std::string date_of(double day);
-
-// What earlier calibrations have left, wherever it is kept: in files below a folder (of runs, or a store of `turncal recalibrate`), or in the
-// rows of a results database. `where`: the file, or the database and its row.
-using EachKeptFile = std::function<void(const std::string& where, const Result<std::string>& contents)>;
-
-// Every file called `name`, parameters.conf or statistics.tcs: below a folder in the order of paths, but for folders that begin with a dot; of a
-// database the newest of each recording. Errors: what cannot be read at all.
-Status each_kept_file(const std::string& source, const std::string& name, const EachKeptFile& each);
-
 // The diagnosis of a fleet as a document, and as a table for other programs: what is common, stations side by side, units as points over
-// time, what to do next. unit_of_component: "ug/g^2"; of parameters that of the parameter file.
-std::string unit_of_component(const std::string& component);
+// time, what to do next.
 Document fleet_document(const FleetDiagnosis& diagnosis, const FleetSource& source,
                         const std::vector<std::string>& factors);
 // A row an effect, then a row a unit that stands out.

@@ -39,6 +39,10 @@ namespace fs = std::filesystem;
 namespace {
 
 constexpr const char* text_form_mark = "imu.csv";
+constexpr const char* outcome_header = "outcome,recording,hash,reason\n";
+constexpr const char* outcome_name = "recordings.csv";
+constexpr const char* failure_name = "failure.txt";
+const std::vector<std::string> archive_columns = {"station", "lot", "part", "revision", "measured_utc"};
 
 Result<std::vector<ArchiveEntry>> below(const std::string& folder) {
   std::set<std::string> paths;
@@ -101,17 +105,7 @@ Result<std::vector<ArchiveEntry>> in_rows(const std::string& name) {
   return entries;
 }
 
-}  // namespace
-
-Result<std::vector<ArchiveEntry>> read_archive(const std::string& path) {
-  std::error_code error;
-  std::vector<ArchiveEntry> entries = TRY(names_a_database(path)          ? in_rows(path)
-                                          : fs::is_directory(path, error) ? below(path)
-                                                                          : listed(path));
-  if (entries.empty()) return input_error(path + ": expected recordings, found none");
-  return entries;
-}
-
+// What is known of a recording: by the list, and by the run.
 std::map<std::string, std::string> whole_record(const ArchiveEntry& entry) {
   std::map<std::string, std::string> record = entry.record;
   std::error_code error;
@@ -128,6 +122,7 @@ std::map<std::string, std::string> whole_record(const ArchiveEntry& entry) {
   return record;
 }
 
+// As a list, with absolute paths. An error where a path or value cannot stand in one: a comma, a line break.
 Result<std::string> format_archive(const std::vector<ArchiveEntry>& entries) {
   std::string text = "recording";
   for (const std::string& column : archive_columns) text += "," + column;
@@ -145,8 +140,6 @@ Result<std::string> format_archive(const std::vector<ArchiveEntry>& entries) {
   }
   return text;
 }
-
-namespace {
 
 enum Outcome { done, there, failed, unreadable };
 constexpr std::array<std::string_view, 4> outcome_names = {"done", "there", "failed", "unreadable"};
@@ -261,14 +254,24 @@ std::string outcome_file(const RecalibrationRequest& request) {
   return fmt::format("{}/{}/recordings{}.csv", request.store, request.version, chunk);
 }
 
-}  // namespace
-
+// A file of outcomes: a row each, `done`, `there`, `failed` or `unreadable` first.
 void count_outcomes(std::string_view rows, RecalibrationCounts& counts) {
   while (!rows.empty()) {
     const std::string_view row = next_line(rows);
     for (const Outcome outcome : {done, there, failed, unreadable})
       if (row.starts_with(std::string(outcome_names[outcome]) + ",")) ++count_of(outcome, counts);
   }
+}
+
+}  // namespace
+
+Result<std::vector<ArchiveEntry>> read_archive(const std::string& path) {
+  std::error_code error;
+  std::vector<ArchiveEntry> entries = TRY(names_a_database(path)          ? in_rows(path)
+                                          : fs::is_directory(path, error) ? below(path)
+                                                                          : listed(path));
+  if (entries.empty()) return input_error(path + ": expected recordings, found none");
+  return entries;
 }
 
 Result<RecalibrationCounts> recalibrate(const std::vector<ArchiveEntry>& archive, const RecalibrationRequest& request,

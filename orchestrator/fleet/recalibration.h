@@ -12,7 +12,6 @@
 #include <functional>
 #include <map>
 #include <string>
-#include <string_view>
 #include <vector>
 
 #include "calib/types/status.h"
@@ -24,23 +23,15 @@ namespace turncal {
 //
 // A list is CSV with a header: `recording`, a path (relative ones from the list's folder), and, where they are known, `station`, `lot`, `part`,
 // `revision` and `measured_utc`. Below a folder every recording counts: a .tcr file, or a folder in text form. What a run says of itself
-// in the parameters.conf beside its recording is taken over where the list does not say it (whole_record), when its turn has come.
+// in the parameters.conf beside its recording is taken over where the list does not say it, when its turn has come.
 struct ArchiveEntry {
   std::string recording;
   std::map<std::string, std::string> record;  // "station" -> "line 1", ...: record.* keys of the parameter file
 };
 
-inline const std::vector<std::string> archive_columns = {"station", "lot", "part", "revision", "measured_utc"};
-
 // In the order of the list or of the rows, or by path. Errors: no such file, a header without `recording`, a column that is not known, a row that is too long
 // or too short, not one recording.
 Result<std::vector<ArchiveEntry>> read_archive(const std::string& path);
-
-// What is known of a recording: by the list, and by the run.
-std::map<std::string, std::string> whole_record(const ArchiveEntry& entry);
-
-// As a list, with absolute paths. An error where a path or value cannot stand in one: a comma, a line break.
-Result<std::string> format_archive(const std::vector<ArchiveEntry>& entries);
 
 struct RecalibrationRequest {
   std::string store;
@@ -62,13 +53,6 @@ using RecalibrationProgress = std::function<void(const RecalibrationCounts&)>;
 // An error of kind device where the store cannot be written. `progress` is told from any thread, one at a time.
 Result<RecalibrationCounts> recalibrate(const std::vector<ArchiveEntry>& archive, const RecalibrationRequest& request,
                                         const RecalibrationProgress& progress);
-
-// A file of outcomes: a row each, `done`, `there`, `failed` or `unreadable` first.
-inline constexpr const char* outcome_header = "outcome,recording,hash,reason\n";
-inline constexpr const char* outcome_name = "recordings.csv";
-void count_outcomes(std::string_view rows, RecalibrationCounts& counts);
-
-inline constexpr const char* failure_name = "failure.txt";
 
 // The archive in chunks, each a task of one Slurm array job.
 //

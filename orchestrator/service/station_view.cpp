@@ -38,24 +38,7 @@ namespace {
 constexpr double looked_back_s = 86400.0;
 constexpr SqlPatience patience{.wait_s = 2.0, .all_s = 5.0};
 
-Result<ResultsView> newest_results(const std::string& database, double now_utc_s) {
-  const ResultsDatabase open = TRY(ResultsDatabase::open_to_read(database, patience));
-  std::vector<AttemptRecord> attempts = TRY(open.attempts({.from = format_utc(now_utc_s - looked_back_s)}));
-  ResultsView view;
-  if (attempts.empty()) {
-    const std::vector<AttemptRecord> last = TRY(open.attempts({.newest = 1}));
-    const std::optional<double> end = last.empty() ? std::nullopt : parse_utc(last.front().time_utc);
-    if (end) {
-      view.until_utc = last.front().time_utc;
-      attempts = TRY(open.attempts({.from = format_utc(*end - looked_back_s), .to = view.until_utc}));
-    }
-  }
-  view.stations = results_by_station(attempts);
-  return view;
-}
-
-}  // namespace
-
+// By station, in the order of their names.
 std::vector<StationResults> results_by_station(const std::vector<AttemptRecord>& attempts) {
   std::map<std::pair<bool, std::string>, StationResults> found;
   for (const AttemptRecord& attempt : attempts) {
@@ -76,6 +59,24 @@ std::vector<StationResults> results_by_station(const std::vector<AttemptRecord>&
   for (auto& [key, station] : found) stations.push_back(std::move(station));
   return stations;
 }
+
+Result<ResultsView> newest_results(const std::string& database, double now_utc_s) {
+  const ResultsDatabase open = TRY(ResultsDatabase::open_to_read(database, patience));
+  std::vector<AttemptRecord> attempts = TRY(open.attempts({.from = format_utc(now_utc_s - looked_back_s)}));
+  ResultsView view;
+  if (attempts.empty()) {
+    const std::vector<AttemptRecord> last = TRY(open.attempts({.newest = 1}));
+    const std::optional<double> end = last.empty() ? std::nullopt : parse_utc(last.front().time_utc);
+    if (end) {
+      view.until_utc = last.front().time_utc;
+      attempts = TRY(open.attempts({.from = format_utc(*end - looked_back_s), .to = view.until_utc}));
+    }
+  }
+  view.stations = results_by_station(attempts);
+  return view;
+}
+
+}  // namespace
 
 ResultsView look_at_results(const std::string& database, double now_utc_s) {
   Result<ResultsView> view = newest_results(database, now_utc_s);

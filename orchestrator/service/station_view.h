@@ -64,9 +64,6 @@ struct ResultsView {
   std::vector<StationResults> stations;
 };
 
-// attempts: of any order. By station, in the order of their names.
-std::vector<StationResults> results_by_station(const std::vector<AttemptRecord>& attempts);
-
 // database: as results_database.h has it. Waits a few seconds for it at the most.
 ResultsView look_at_results(const std::string& database, double now_utc_s);
 

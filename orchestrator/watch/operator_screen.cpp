@@ -18,6 +18,12 @@ namespace turncal {
 
 namespace {
 
+// "1:40"
+std::string minutes_left(double seconds) {
+  const long long whole = std::llround(std::ceil(std::max(0.0, seconds)));
+  return fmt::format("{}:{:02}", whole / 60, whole % 60);
+}
+
 double hundredths(double angle_deg) { return std::round(100.0 * angle_deg) / 100.0 + 0.0; }
 
 std::string hands_off_words(RunState state) {
@@ -83,11 +89,6 @@ std::string local_time(double utc_s) {
   std::tm local{};
   ::localtime_r(&seconds, &local);
   return fmt::format("{:02}:{:02}", local.tm_hour, local.tm_min);
-}
-
-std::string minutes_left(double seconds) {
-  const long long whole = std::llround(std::ceil(std::max(0.0, seconds)));
-  return fmt::format("{}:{:02}", whole / 60, whole % 60);
 }
 
 std::string step_words(const RunSnapshot& at, const OperatorTexts& texts) {

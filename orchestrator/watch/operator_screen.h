@@ -38,8 +38,7 @@ OperatorScreen last_screen(bool done, const std::string& resume, const OperatorT
 std::string step_words(const RunSnapshot& at, const OperatorTexts& texts);
 std::string left_words(const RunSnapshot& at, std::optional<double> left_s, const OperatorTexts& texts);
 std::string json_of(const OperatorScreen& screen);
-std::string local_time(double utc_s);      // "15:20" of this machine
-std::string minutes_left(double seconds);  // "1:40"
+std::string local_time(double utc_s);  // "15:20" of this machine
 
 struct TerminalSize {
   int columns = 0, rows = 0;

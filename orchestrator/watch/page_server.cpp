@@ -13,6 +13,7 @@
 #include <cerrno>
 #include <chrono>
 #include <list>
+#include <map>
 #include <thread>
 #include <vector>
 
@@ -102,17 +103,14 @@ struct OpenServer : PageServer {
     return is_bare_address(name) || (::gethostname(own, sizeof own - 1) == 0 && name == lower(own));
   }
 
-  // The head of a request, as far as anything here depends on it.
   struct Head {
     std::string_view method, path;
-    std::optional<std::string> host;
-    std::string authorization;
+    std::map<std::string, std::string> fields;  // by their names in small letters
     std::size_t body_bytes = 0;
-    bool chunked = false, marked = false;
+    bool has(const char* name) const { return fields.contains(name); }
   };
   static std::optional<Head> head_of(std::string_view request) {
     Head head;
-    bool has_length = false;
     std::string_view remaining = request;
     const std::string_view line = next_line(remaining);
     const std::size_t first = line.find(' '), last = line.rfind(' ');
@@ -126,42 +124,36 @@ struct OpenServer : PageServer {
       if (colon == std::string_view::npos || colon == 0 || header[colon - 1] == ' ' || header[colon - 1] == '\t' ||
           header[0] == ' ' || header[0] == '\t')
         return {};  // a folded line, or a name that ends with a blank
-      const std::string name = lower(header.substr(0, colon)), value(trimmed(header.substr(colon + 1)));
+      const std::string name = lower(header.substr(0, colon));
+      const bool is_new = head.fields.emplace(name, trimmed(header.substr(colon + 1))).second;
       // RFC 9112, 3.2 and 6.3: what stands there twice could be read in two ways.
-      const bool twice = (name == "host" && head.host) || (name == "content-length" && has_length) ||
-                         (name == "authorization" && !head.authorization.empty());
-      if (twice) return {};
-      if (name == "host") head.host = value;
-      if (name == "authorization") head.authorization = value;
-      head.marked = head.marked || name == "x-turncal";
-      head.chunked = head.chunked || name == "transfer-encoding";
-      if (name != "content-length") continue;
-      const std::optional<std::uint32_t> size = parse_integer<std::uint32_t>(value);
-      if (!size) return {};
-      has_length = true;
-      head.body_bytes = *size;
+      if (!is_new && (name == "host" || name == "content-length" || name == "authorization")) return {};
     }
-    if (has_length && head.chunked) return {};
+    if (!head.has("content-length")) return head;
+    const std::optional<std::uint32_t> size = parse_integer<std::uint32_t>(head.fields["content-length"]);
+    if (!size || head.has("transfer-encoding")) return {};
+    head.body_bytes = *size;
     return head;
   }
 
   // `request`: what came. Empty: the rest of the body is yet to come.
   std::string answer_to(std::string_view request, std::size_t head_bytes) const {
-    const std::optional<Head> head = head_of(request.substr(0, head_bytes));
-    if (!head || !head->host) return refusal(400, "Bad Request");  // RFC 9112, 3.2
-    if (!is_our_host(*head->host)) return refusal(403, "Forbidden");
+    std::optional<Head> head = head_of(request.substr(0, head_bytes));
+    if (!head || !head->has("host")) return refusal(400, "Bad Request");  // RFC 9112, 3.2
+    if (!is_our_host(head->fields["host"])) return refusal(403, "Forbidden");
+    const bool chunked = head->has("transfer-encoding");
     if (posts && head->method == "POST") {
-      if (!head->marked) return refusal(403, "Forbidden");
-      if (head->chunked || head->body_bytes > limits.body_bytes) return refusal(413, "Content Too Large");
+      if (!head->has("x-turncal")) return refusal(403, "Forbidden");
+      if (chunked || head->body_bytes > limits.body_bytes) return refusal(413, "Content Too Large");
       const std::string_view body = request.substr(head_bytes);
       if (body.size() < head->body_bytes) return "";
-      const PageAnswer answer =
-          posts({std::string(head->path), head->authorization, std::string(body.substr(0, head->body_bytes))});
+      const PageAnswer answer = posts(
+          {std::string(head->path), head->fields["authorization"], std::string(body.substr(0, head->body_bytes))});
       return response(answer.code, answer.code == 200 ? "OK" : "Refused", answer.text);
     }
     const bool no_body = head->method == "HEAD";  // RFC 9110, 9.3.2
     if (head->method != "GET" && !no_body) return refusal(404, "Not Found");
-    if (head->chunked || head->body_bytes > 0) return refusal(413, "Content Too Large");
+    if (chunked || head->body_bytes > 0) return refusal(413, "Content Too Large");
     const std::optional<PageText> page = pages(head->path);
     std::string answer = page ? response(200, "OK", *page) : refusal(404, "Not Found");
     if (no_body) answer.resize(answer.find("\r\n\r\n") + 4);
