@@ -3,9 +3,6 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <cmath>
-
-#include "imu_io/base/text.h"
 
 namespace turncal {
 namespace {
