@@ -9,6 +9,7 @@
 #include "calib/joint/score_algebra.h"
 #include "calib/model/limits.h"
 #include "calib/statistics/unit_slip.h"
+#include "calib/types/value_text.h"
 
 namespace turncal {
 namespace {
@@ -91,21 +92,23 @@ std::string wrong_latitude(const CompressedRecording& recording, const JointResu
   const std::optional<FeltLatitude> felt = felt_latitude(recording, fit);
   const double stated_deg = recording.info.latitude_deg;
   if (!felt || !felt->speaks_against(stated_deg * rad_per_deg, latitude_limits.least_deg)) return "";
-  return fmt::format(
-      "the gyros measure the Earth's rate of a latitude of {:.3f} +- {:.3f} deg, the recording says {:.10g}",
-      felt->latitude_rad / rad_per_deg, felt->sigma_rad / rad_per_deg, stated_deg);
+  return fmt::format("the gyros measure the Earth's rate of a latitude of {} deg, the recording says {:.10g}",
+                     plus_minus(felt->latitude_rad / rad_per_deg, felt->sigma_rad / rad_per_deg), stated_deg);
 }
 
 EffectColumn vertical_earth_rate() { return latitude_columns().back(); }
 
 std::string latitude_of_vertical(double stated_deg, double more_degph, double sigma_degph) {
   const double whole = rate_at(0.5 * pi).y(), stated = rate_at(stated_deg * rad_per_deg).y(), up = stated + more_degph;
-  const std::string felt = std::abs(up) < whole
-                               ? fmt::format("a latitude of {:.2f} deg", std::asin(up / whole) / rad_per_deg)
-                               : "more than the Earth's rate";
-  return fmt::format(
-      "the gyros measure {}, the recording says {:.10g}{}; about the vertical {:.3f} +- {:.3f} deg/h", felt, stated_deg,
-      up * stated < 0.0 ? " (or the accelerometers read gravity and not specific force)" : "", up, sigma_degph);
+  const double sigma_rad = sigma_degph / std::sqrt(whole * whole - up * up);
+  const std::string felt =
+      std::abs(up) < whole ? fmt::format("a latitude of {} deg",
+                                         value_with_sigma(std::asin(up / whole) / rad_per_deg, sigma_rad / rad_per_deg))
+                           : "more than the Earth's rate";
+  return fmt::format("the gyros measure {}, the recording says {:.10g}{}; about the vertical {} deg/h", felt,
+                     stated_deg,
+                     up * stated < 0.0 ? " (or the accelerometers read gravity and not specific force)" : "",
+                     plus_minus(up, sigma_degph));
 }
 
 }  // namespace turncal

@@ -8,6 +8,7 @@
 #include <functional>
 #include <utility>
 
+#include "calib/types/value_text.h"
 #include "imu_io/base/clock.h"
 #include "imu_io/base/files.h"
 #include "imu_io/base/text.h"
@@ -244,9 +245,9 @@ std::string SerialImu::summary() const {
   const std::optional<ArrivalEstimate> arrival = fit_.estimate();
   if (!arrival || arrival->skew_uncertainty == 0.0) return text;
   // A unit that is slow takes more of the host's time.
-  return text +
-         fmt::format("; the unit's clock against the host's {:+.2f} ppm (+- {:.2f}), largest arrival delay {:.1f} ms",
-                     -1e6 * arrival->skew, 1e6 * arrival->skew_uncertainty, 1e3 * arrival->largest_delay_s);
+  return text + fmt::format("; the unit's clock against the host's {} ppm, largest arrival delay {:.1f} ms",
+                            plus_minus(-1e6 * arrival->skew, 1e6 * arrival->skew_uncertainty),
+                            1e3 * arrival->largest_delay_s);
 }
 
 Status SerialImu::judge_arrivals() const {

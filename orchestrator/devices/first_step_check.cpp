@@ -9,6 +9,7 @@
 
 #include "calib/model/attitude.h"
 #include "calib/statistics/unit_slip.h"
+#include "calib/types/value_text.h"
 #include "imu_io/base/text.h"
 
 namespace turncal {
@@ -158,9 +159,10 @@ std::string EarthRateCheck::add_rest(const Eigen::Vector3d& rate_radps, double s
   // Of the latitude; near a pole its sine tells little.
   const double sigma_deg = sigma / std::max(std::sqrt(1.0 - sine * sine), std::sqrt(sigma)) / rad_per_deg;
   return fmt::format(
-      "at rest the gyros measure a vertical Earth rate of {:+.2f} deg/h, expected {:.2f}: that of a latitude of {:.1f} "
-      "+- {:.1f} deg: site.latitude_deg is {:.10g} (north is positive), or axes and signs of the gyros",
-      earth.y() / radps_per_degph, size / radps_per_degph, latitude_deg, sigma_deg, latitude_deg_);
+      "at rest the gyros measure a vertical Earth rate of {:+.2f} deg/h, expected {:.2f}: that of a latitude of {} "
+      "deg: "
+      "site.latitude_deg is {:.10g} (north is positive), or axes and signs of the gyros",
+      earth.y() / radps_per_degph, size / radps_per_degph, plus_minus(latitude_deg, sigma_deg), latitude_deg_);
 }
 
 void FirstStepCheck::begin(const RecordingInfo& info) {

@@ -273,7 +273,7 @@ Cell display_unit(const std::string& component, const char* more = "") {
   return text(unit_text(unit_of_component(component)) + more);
 }
 
-Cell with_error(double value, double sigma) { return number(plus_minus(value, sigma), value); }
+Cell with_error(double value, double sigma) { return number(plus_minus(value, sigma, Alphabet::typographic), value); }
 
 Table effect_table(const FleetDiagnosis& d, const FleetSource& source) {
   Table table{{text("common to"), name("effect"), number("value"), text("unit"), number("sigmas"), number("recordings"),

@@ -204,7 +204,7 @@ Cell allan_cell(const AllanFit& fit, bool gyro, std::size_t term) {
   const double si = allan_unit(gyro, term).si;
   if (!fit.made) return number("-");
   if (c.value == 0.0) return number("< " + significant(c.limit / si, 2));
-  return number(plus_minus(c.value / si, c.sigma / si), c.value / si);
+  return number(plus_minus(c.value / si, c.sigma / si, Alphabet::typographic), c.value / si);
 }
 
 Document allan_document(const AllanReport& report) {

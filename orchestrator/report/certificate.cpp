@@ -308,10 +308,13 @@ std::string certificate_page(const Certificate& c) {
                        "; specific force is traceable to it"},
        {"latitude", "value of the site, " + with_uncertainty(c.parties.latitude_uncertainty_deg, "°") +
                         "; rates are traceable to the Earth's rate, 15.041 °/h"},
-       {"time", "the unit's own sample clock, " + fmt::format("{:.9g} ms a sample; ", 1e3 * f.sample_period_s) +
-                    (clock.empty() ? "not compared with another clock on record"
-                                   : "against the station's clock " + clock + " ± " +
-                                         of_record(f, "record.clock_uncertainty_ppm") + " ppm")},
+       {"time",
+        "the unit's own sample clock, " + fmt::format("{:.9g} ms a sample; ", 1e3 * f.sample_period_s) +
+            (clock.empty()
+                 ? "not compared with another clock on record"
+                 : "against the station's clock " +
+                       quantity(parse_number(clock).value_or(0.0),
+                                parse_number(of_record(f, "record.clock_uncertainty_ppm", "")).value_or(0.0), "ppm"))},
        {"parameter file", c.parameters_hash},
        {"recordings", join(c.recording_hashes)}});
   body +=

@@ -198,8 +198,8 @@ Document thermal_document(const ThermalReport& report) {
   for (const std::string& note : report.notes) document.add(Paragraph{note, "note"});
   for (const std::string& note : model.notes) document.add(Paragraph{note, "note"});
   if (model.lag >= listed_from)
-    document.text(fmt::format("Lag of the sensors behind the thermometer: {:.3f} ± {:.3f} h ({}).", model.lag_h(),
-                              model.lag_sigma_h(), words_of_probability(model.lag)));
+    document.text(fmt::format("Lag of the sensors behind the thermometer: {} ({}).",
+                              quantity(model.lag_h(), model.lag_sigma_h(), "h"), words_of_probability(model.lag)));
   document.section("errors", "Error of the model");
   document.add(error_table(report));
   document.section("parameters", "Parameters");

@@ -8,6 +8,7 @@
 
 #include "calib/model/parameters.h"
 #include "calib/statistics/data_screen.h"
+#include "calib/types/value_text.h"
 
 namespace turncal {
 
@@ -180,9 +181,10 @@ bool DwellMonitor::judge_dead() {
     defect_ = Defect{
         ErrorKind::device,
         together ? frozen()
-                 : fmt::format("{} gave one and the same number in samples {} to {} ({:.1f} s): expected {:.4g} +- "
-                               "{:.2g} in all, not {:.4g}",
-                               channel_names[i], same.first, end - 1, same_s, mean * n, sigma, same.value * n)};
+                 : fmt::format("{} gave one and the same number in samples {} to {} ({:.1f} s): expected {} in all, "
+                               "not {}",
+                               channel_names[i], same.first, end - 1, same_s, plus_minus(mean * n, sigma),
+                               value_with_sigma(same.value * n, sigma))};
   }
   return more_will_tell && !defect_ && !complete();
 }

@@ -1,7 +1,4 @@
-// Numbers, quantities, words and lines as people read them: digits that follow the sigma, and the 24 parameters by name and unit. Files
-// have imu_io/base/text.h instead.
-//
-// Text for people comes in two alphabets: plain (terminal: ug/g^2, +-) and typographic (HTML, UTF-8: µg/g², ±).
+// Quantities, words and lines as people read them, and the 24 parameters by name and unit. Files have imu_io/base/text.h instead.
 #pragma once
 
 #include <cstddef>
@@ -9,23 +6,14 @@
 #include <string_view>
 #include <vector>
 
+#include "calib/types/value_text.h"
+
 namespace turncal {
 
 enum class IncrementKind;  // calib/types/recording_types.h
 
-enum class Alphabet { plain, typographic };
-
-// `digits` significant ones: 28.3, 0.00123, 1.23e-07 (typographic 1.23×10⁻⁷); "-" for a number that is not finite.
-std::string significant(double value, int digits = 3, Alphabet alphabet = Alphabet::plain);
-// To the place of the second significant digit of sigma, the one function for it: value_with_sigma(28.3456, 0.91) = "28.35",
-// value_with_sigma(12345.6, 310) = "12350". Without a sigma six significant digits.
-std::string value_with_sigma(double value, double sigma, Alphabet alphabet = Alphabet::plain);
-// "28.35 ± 0.91", "28.35 +- 0.91"; without a sigma the value alone.
-std::string plus_minus(double value, double sigma, Alphabet alphabet = Alphabet::typographic);
 // "28.35 ± 0.91 µg/g²"
 std::string quantity(double value, double sigma, std::string_view unit);
-// 0.00 for -0.001; "-" for a number that is not finite.
-std::string with_decimals(double value, int decimals);
 
 // The unit of one of the 24 parameters in a parameter file, as the catalogue would write it; "-": it has none.
 const char* parameter_unit(std::string_view key, IncrementKind gyro_increment);

@@ -24,8 +24,8 @@ TEST(Format, Numbers) {
   EXPECT_EQ(value_with_sigma(0.932920123, 3.6e-7), "0.93292012");
   EXPECT_EQ(value_with_sigma(-0.0001, 0.91), "0.00");
   EXPECT_EQ(value_with_sigma(12345.6, 310.0), "12350");
-  EXPECT_EQ(plus_minus(-12958.6060944532, 55.0, Alphabet::plain), "-12959 +- 55");
-  EXPECT_EQ(plus_minus(-12958.6, 5500.0), "-13000 ± 5500");
+  EXPECT_EQ(plus_minus(-12958.6060944532, 55.0), "-12959 +- 55");
+  EXPECT_EQ(plus_minus(-12958.6, 5500.0, Alphabet::typographic), "-13000 ± 5500");
   EXPECT_EQ(value_with_sigma(2.0, 0.0), "2.00000");
   EXPECT_EQ(quantity(28.3456, 0.91, "ug/g^2"), "28.35 ± 0.91 µg/g²");
   for (const auto& [after, words] : {std::pair{1.0, "-75 %"}, {4.1, "+2.5 %"}, {4.0, "0 %"}})
