@@ -23,9 +23,6 @@ namespace turncal {
 namespace {
 
 constexpr double homing_deadline_s = 300.0;
-bool stand_homed(const TableStatus& axes) {
-  return std::ranges::all_of(axes, [](const AxisStatus& axis) { return axis.homed && !axis.moving; });
-}
 constexpr double least_pose_deg = 30.0;  // a smaller one tells little of an accelerometer's sign
 
 class Trial {
@@ -43,7 +40,9 @@ class Trial {
   Status home() {
     TRY(devices_.table.enable());
     TRY(devices_.table.home());
-    return wait_until(homing_deadline_s, "the axes did not find their zero", stand_homed);
+    return wait_until(homing_deadline_s, "the axes did not find their zero", [](const TableStatus& axes) {
+      return std::ranges::all_of(axes, [](const AxisStatus& axis) { return axis.homed && !axis.moving; });
+    });
   }
   struct Turn {
     double turned_deg = 0.0;  // by the encoder
@@ -53,7 +52,9 @@ class Trial {
     TRY(rest());
     sums_ = {};
     TRY(rest());
-    if (sums_.samples == 0.0) return device_error("no samples from the unit");
+    if (sums_.flagged > 0.0)
+      return input_error("{} of {} samples are flagged as bad: expected another status.good, or a unit that is ready",
+                         sums_.flagged, sums_.samples);
     const Eigen::Vector3d at_rest = sums_.gyro / sums_.samples;
     sums_ = {};
     const double from_deg = TRY(position(axis));
@@ -91,9 +92,13 @@ class Trial {
           "{} was told to stop on its way and went on to its target: expected the stop of the table's manual",
           to_string(axis));
     TRY(devices_.table.enable());
-    return wait_until(homing_deadline_s, "the axes were not ready again after a stop", [](const TableStatus& axes) {
-      return stand_homed(axes) && std::ranges::all_of(axes, &AxisStatus::enabled);
-    });
+    TRY(wait_until(homing_deadline_s, "the drives did not come on again after a stop", [](const TableStatus& axes) {
+      return std::ranges::all_of(axes, [](const AxisStatus& a) { return a.enabled && !a.moving; });
+    }));
+    if (TRY(devices_.table.status(axis)).homed) return {};
+    return input_error(
+        "{} was homed, and after a stop says no longer that it is: expected {} as the table's manual has it",
+        to_string(axis), bit_text("homed"));
   }
   // The accelerometers' mean of a sample at rest, with one axis turned to an angle (none: where it stands). The axis then goes back.
   Result<Eigen::Vector3d> force_at(std::optional<Axis> axis, double to_deg) {
@@ -101,11 +106,12 @@ class Trial {
     TRY(axis ? move(*axis, to_deg, rate_degps) : rest());
     sums_ = {};
     TRY(rest());
-    if (sums_.samples == 0.0) return device_error("no samples from the unit");
     const Eigen::Vector3d mean = sums_.accel / sums_.samples;
     if (axis) TRY(move(*axis, 0.0, rate_degps));
     return mean;
   }
+  // How late the host was where no rate of the axis could be judged; 0: one was.
+  double unjudged_s(Axis axis) const { return unjudged_s_[axis]; }
   const AxisLimits& limits_of(Axis axis) const { return station_.axis[index(axis)]; }
 
  private:
@@ -124,6 +130,7 @@ class Trial {
         sums_.lost = sums_.lost || (last_counter_ && sample.counter != *last_counter_ + 1);
         last_counter_ = sample.counter;
         sums_.samples += 1.0;
+        sums_.flagged += (sample.flags & sample_flag_invalid) != 0 ? 1.0 : 0.0;
         sums_.gyro += Eigen::Vector3d::Map(sample.gyro.data());
         sums_.accel += Eigen::Vector3d::Map(sample.accel.data());
       }
@@ -134,9 +141,9 @@ class Trial {
   Status rest() {
     const TableStatus now = TRY(read_table());
     hold(now, std::nullopt);
-    const double end_s = devices_.clock.now_s() + settings_.rest_s;
-    return wait_until(2.0 * settings_.rest_s, "the rest does not end",
-                      [&](const TableStatus&) { return devices_.clock.now_s() >= end_s; });
+    const double end_s = devices_.clock.now_s() + settings_.rest_s, samples = sums_.samples;
+    return wait_until(settings_.rest_s + station_.imu_timeout_s, "no samples from the unit",
+                      [&](const TableStatus&) { return devices_.clock.now_s() >= end_s && sums_.samples > samples; });
   }
   // From here on every axis stays where it was read, but for the one that is sent.
   void hold(const TableStatus& axes, const std::optional<Move>& sent) {
@@ -159,7 +166,8 @@ class Trial {
       const double tolerance_deg = station_.motion.position_tolerance_deg;
       const auto astray =
           held_deg_ ? stray_axis(axes, *held_deg_, sent_, tolerance_deg, tolerance_deg) : homing_.add(axes);
-      if (astray) return device_error(*astray);
+      if (astray)
+        return device_error(*astray + (held_deg_ ? "" : "; or it has found it: expected " + bit_text("homed")));
       if (over(axes)) return {};
       if (devices_.clock.now_s() > deadline_s) return device_error(late);
       TRY(read_for(station_.motion.poll_moving_s));
@@ -176,7 +184,9 @@ class Trial {
     const double scale = table.map ? table.map->of(axis).rate_scale : table.dialect->of(axis).rate_scale;
     return input_error("{}: axis.{}.rate_scale in {} is {}, expected {}", said, to_string(axis),
                        table.described()->file, format_number(scale),
-                       factor ? fmt::format("about {:.3g}", scale / *factor) : "less");
+                       factor      ? fmt::format("about {:.3g}", scale / *factor)
+                       : table.map ? "less, or another rate.type"
+                                   : "less");
   }
   // An axis that turns at another rate than it was sent: by how much, as the unit felt it, or by its way and time where the unit's scale is
   // not known.
@@ -231,7 +241,7 @@ class Trial {
   Status move(Axis axis, double to_deg, double rate_degps) {
     const double began_s = devices_.clock.now_s();
     const Sent sent = TRY(send(axis, to_deg, rate_degps));
-    RateCheck rate(sent.from);
+    RateCheck rate(sent.from, std::abs(to_deg - sent.from.position_deg) / rate_degps);
     AxisStatus last = sent.from;
     double turned_until_s = began_s;
     const std::string late_text = std::string(to_string(axis)) + " did not arrive in time";
@@ -253,12 +263,17 @@ class Trial {
           devices_.clock.now_s() - turned_until_s,
           last.moving ? "still says that it moves" : "in_position was never set",
           bit_text(last.moving ? "moving" : "in_position"));
+    if (late && is_at(last, sent.from.position_deg))
+      return input_error("{}: it did not turn: expected a move, and in it what enables the drive, as the manual has it",
+                         late_text);
     if (const Status fits = judge_rate(sent.move, sent.from.position_deg, *at_deg, turned_until_s - began_s); !fits)
       return late ? Error{fits.error().kind, arrived.error().message + ": " + fits.error().message} : fits.error();
-    return arrived ? rate.judge(axis, settings_.rate_tolerance) : arrived;
+    if (!arrived) return arrived;
+    unjudged_s_[axis] = std::min(unjudged_s_[axis], TRY(rate.judge(axis, settings_.rate_tolerance)));
+    return {};
   }
   std::string bit_text(const std::string& name) const {
-    return station_.table.map ? "bit." + name + " of the map" : "status.bit." + name + " of the dialect";
+    return station_.table.map ? "bit." + name + " of the map" : name + " in status.bit or status.code of the dialect";
   }
 
   const StationDevices& devices_;
@@ -268,7 +283,7 @@ class Trial {
   std::vector<ImuSample> buffer_;
   struct Sums {
     Eigen::Vector3d gyro{0, 0, 0}, accel{0, 0, 0};
-    double samples = 0.0;
+    double samples = 0.0, flagged = 0.0;
     bool lost = false;
   };
   Sums sums_;
@@ -278,6 +293,7 @@ class Trial {
   FeltRate felt_;
   SpeedWatch speed_;
   std::optional<Move> sent_;
+  AxisTriple unjudged_s_{{1e9, 1e9, 1e9}};
 };
 
 // What the sum of the gyros says about a turn of `axis` by turned_deg; the error names axis, expected and found.
@@ -359,26 +375,39 @@ Status try_axes(const StationDevices& devices, const StationConfig& station, con
   Trial trial(devices, station, settings, info, stop_requests);
   Status tried = trial.home();
   if (tried) tried = try_turns(trial, settings, info.gyro_increment, out);
-  return tried ? try_poses(trial, info, station.gravity_mps2, settings, out) : tried;
+  if (tried) tried = try_poses(trial, info, station.gravity_mps2, settings, out);
+  for (const Axis axis : all_axes)
+    if (const double late_s = trial.unjudged_s(axis); tried && late_s > 0.0)
+      out << fmt::format("the rate that {} tells could not be judged: the host was late by {:.2g} s", to_string(axis),
+                         late_s)
+          << std::endl;
+  return tried;
 }
 
 void RateCheck::add(const AxisStatus& now) {
+  const double way_deg = now.position_deg - last_.position_deg, passed_s = now.time_s - last_.time_s;
   const auto known = [](double rate_degps) { return std::isfinite(rate_degps) ? rate_degps : 0.0; };
-  summed_deg_ += 0.5 * (known(now.rate_degps) + known(last_.rate_degps)) * (now.time_s - last_.time_s);
-  polls_ += now.position_deg != last_.position_deg ? 1 : 0;
+  turned_deg_ += way_deg;
+  late_s_ = std::max(late_s_, passed_s);
+  if (now.time_s - before_s_ <= longest_s_) {
+    followed_deg_ += way_deg;
+    summed_deg_ += 0.5 * (known(now.rate_degps) + known(last_.rate_degps)) * passed_s;
+  }
   said_moving_ = said_moving_ || now.moving;
-  last_ = now;
+  before_s_ = std::exchange(last_, now).time_s;
 }
 
-Status RateCheck::judge(Axis axis, double tolerance) const {
-  const double turned_deg = last_.position_deg - began_deg_;
-  const bool rate_fits = std::abs(summed_deg_ - turned_deg) <= tolerance * std::abs(turned_deg);
-  if (polls_ < fewest_polls || (rate_fits && said_moving_)) return {};
-  const std::string turned = fmt::format("{} turned by {:+.3f} deg ", to_string(axis), turned_deg);
-  if (rate_fits) return input_error(turned + "and its status never showed it: expected a bit or code of moving");
-  return input_error(turned + fmt::format("while its rate summed up to {:+.3f} deg: expected a rate that says how fast "
-                                          "it turns (its register or field, scale and sign)",
-                                          summed_deg_));
+Result<double> RateCheck::judge(Axis axis, double tolerance) const {
+  if (std::abs(followed_deg_) < least_followed * std::abs(turned_deg_)) return late_s_;
+  const std::string turned = fmt::format("{} turned by {:+.3f} deg ", to_string(axis), followed_deg_);
+  if (std::abs(summed_deg_ - followed_deg_) > tolerance * std::abs(followed_deg_))
+    return input_error(
+        "{}while its rate summed up to {:+.3f} deg: expected a rate that says how fast it turns (its register or "
+        "field, "
+        "scale and sign)",
+        turned, summed_deg_);
+  if (!said_moving_) return input_error(turned + "and its status never showed it: expected a bit or code of moving");
+  return 0.0;
 }
 
 }  // namespace turncal

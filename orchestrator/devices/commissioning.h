@@ -53,22 +53,25 @@ Status try_axes(const StationDevices& devices, const StationConfig& station, con
 //   check.add(what was read, poll after poll);
 //   check.judge(axis, tolerance)
 //
-// Fewer than fewest_polls readings on the way (a station in fast motion) are too few to judge. A rate that is not known (NaN) counts as 0.
+// A reading is as old as the one before it, at most. What passes between two that may lie further apart than a fifth of the way's time is not
+// followed: the host was late, or the station is in fast motion. A rate that is not known (NaN) counts as 0.
 class RateCheck {
  public:
-  explicit RateCheck(const AxisStatus& began) : began_deg_(began.position_deg), last_(began) {}
+  // lasts_s: the way, at the rate that is sent.
+  RateCheck(const AxisStatus& began, double lasts_s)
+      : longest_s_(0.2 * lasts_s), last_(began), before_s_(began.time_s) {}
   void add(const AxisStatus& now);
-  // tolerance: of 1, of the way. The error is of the kind input: the map or dialect does not fit.
-  Status judge(Axis axis, double tolerance) const;
-
-  static constexpr int fewest_polls = 10;
+  // 0: it does. Where too little of the way was followed, by how much the host was late. tolerance: of 1, of what was followed. The
+  // error is of the kind input: the map or dialect does not fit.
+  Result<double> judge(Axis axis, double tolerance) const;
 
  private:
-  double began_deg_;
+  static constexpr double least_followed = 0.8;  // of 1, of the way
+  double longest_s_;
   AxisStatus last_;
-  int polls_ = 0;  // with another position than before
+  double before_s_;  // of the reading before the last
   bool said_moving_ = false;
-  double summed_deg_ = 0.0;
+  double turned_deg_ = 0.0, followed_deg_ = 0.0, summed_deg_ = 0.0, late_s_ = 0.0;
 };
 
 }  // namespace turncal

@@ -114,8 +114,9 @@ TEST(TableDevice, MovesTheTwinWithinTheStationsLimits) {
 
 // ---- an axis that is commissioned
 
-// A turn of 5 deg at 1 deg/s and 2 deg/s^2, polled 0.1 s apart; what is told of the rate is that times `scale`.
-Status judged(double scale, bool says_moving, double poll_s = 0.1) {
+// A turn of 5 deg at 1 deg/s and 2 deg/s^2, polled 0.1 s apart; what is told of the rate is that times `scale`. The host sleeps from
+// late_s until awake_s, with an answer in its hands that it stamps when it is awake.
+Result<double> judged(double scale, bool says_moving, double poll_s = 0.1, double late_s = 9.0, double awake_s = 9.0) {
   const auto at = [&](double t) {
     AxisStatus axis;
     const double end_s = 5.5, ramp_s = 0.5;
@@ -127,14 +128,23 @@ Status judged(double scale, bool says_moving, double poll_s = 0.1) {
     axis.rate_degps *= scale;
     return axis;
   };
-  RateCheck check(at(0.0));
-  for (double t = poll_s; t < 6.0; t += poll_s) check.add(at(t));
+  RateCheck check(at(0.0), 5.0);
+  for (double t = poll_s; t < 6.0; t += poll_s) {
+    AxisStatus read = at(t);
+    if (t >= late_s && t < awake_s) t = read.time_s = awake_s;
+    check.add(read);
+  }
   return check.judge(Axis::pitch, 0.3);
 }
 
 TEST(RateCheck, ADeadRateOrMovingBitIsNamed) {
-  for (const double scale : {1.0, 1.25}) EXPECT_OK(judged(scale, true)) << "within the tolerance";
-  EXPECT_OK(judged(0.0, false, 1.0)) << "a few readings are not judged";
+  for (const double scale : {1.0, 1.25}) EXPECT_EQ(*judged(scale, true), 0.0) << "within the tolerance";
+  EXPECT_DOUBLE_EQ(*judged(0.0, false, 1.0), 1.0) << "a few readings are not judged";
+  for (double late_s = 0.2; late_s < 5.0; late_s += 0.1) {
+    for (const double slept_s : {0.3, 0.8, 1.5, 4.0})
+      EXPECT_OK(judged(1.0, true, 0.1, late_s, late_s + slept_s)) << slept_s;
+    EXPECT_TRUE(fails(judged(0.5, true, 0.1, late_s, late_s + 0.6), "summed up")) << late_s;
+  }
   for (const double scale : {0.0, -1.0, 0.1, 60.0, std::numeric_limits<double>::quiet_NaN()}) {
     EXPECT_TRUE(fails(judged(scale, true), ErrorKind::input, "pitch turned by +5.000 deg while its rate summed up to"))
         << scale;

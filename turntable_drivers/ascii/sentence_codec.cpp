@@ -102,10 +102,7 @@ class SentenceCodec : public TableCodec {
     const auto& expect = dialect_.of(request.operation).exchanges[request.step].expect;
     const Result<std::string> answer = framing_.answer(request.body, reply, heard, lines_of(request));
     if (!answer) return framing_.garbled(answer.error().message);
-    if (request.operation == TableOperation::identify) {
-      reading->text = visible(*answer);
-      return {};
-    }
+    if (request.operation == TableOperation::identify) reading->text = visible(*answer);
     for (const std::string& text : dialect_.errors) {
       if (answer->find(text) != std::string::npos) return device_error("the device says '" + visible(*answer) + "'");
     }

@@ -61,7 +61,7 @@ Error DescribedTurntable::about(const TableRequest& request, const Error& error)
 
 Status DescribedTurntable::connected() const {
   if (!connected_) return table_error("not connected");
-  if (lost()) return table_error("link lost (" + lost_reason_ + "): expected it connected again");
+  if (lost()) return device_error("link lost: " + lost_reason_ + "; expected it connected again");
   return {};
 }
 
@@ -149,7 +149,7 @@ Result<TableIdentity> DescribedTurntable::identify() {
     const TableRequest request = TRY(codec_->encode(TableOperation::identify, Axis::heading, step, moves_));
     AxisReading answer;
     const Judgement judgement = line_.exchange(request, *codec_, &answer);
-    if (!judgement.status) return judgement.status.error();
+    if (!judgement.status) return about(request, judgement.status.error());
     description += ", " + answer.text;
   }
   if (!table_.verified_on_hardware) description += fmt::format(", {} not verified on hardware", codec_->kind());
@@ -445,7 +445,7 @@ Status DescribedTurntable::commission(const AxisTriple& known_deg, double tolera
     std::string said;
     if (!fits(reading.position_deg)) {
       said = fmt::format("reads {}, stands at {}: expected {}", degrees(reading.position_deg), known,
-                         others.empty() ? codec_->expected_scale() : others);
+                         others.empty() ? codec_->expected_scale() + (", or the axis at " + known) : others);
     } else if (!others.empty()) {
       said = fmt::format("at {} {}", known, codec_->expected_angle());
     }
