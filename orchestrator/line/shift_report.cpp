@@ -168,8 +168,8 @@ double hours_of(const AttemptRecord& attempt) {
 }
 
 std::string reason_class(const AttemptRecord& attempt) {
-  std::string text;
-  const std::string first = attempt.reason.substr(0, attempt.reason.find(';'));
+  std::string text, first = attempt.reason.substr(0, attempt.reason.find(';'));
+  if (first.starts_with("step ")) first.erase(0, first.find(": ") + 2);  // where the run was is no reason
   const std::size_t figures = first.find(" = ");
   for (const std::string_view word : split(std::string_view(first).substr(0, figures), ' ')) {
     if (word.empty() || is_figure(word)) break;

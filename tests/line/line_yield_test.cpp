@@ -77,14 +77,17 @@ TEST(LineYield, ReasonsWithoutWhatDiffersFromUnitToUnit) {
   line.attempt("B", "fail", "gyro x bias (N01) -0.440 deg/h, limits -0.2 .. 0.2; diagnosis unexplained");
   line.attempt("C", "hold", "diagnosis extended: accel_second_order (31 sigma)");
   line.attempt("SN7", "dropped", "unit SN7 dropped out at DWELL: no sample for 2 s").attempt("E", "pass");
+  line.attempt("F", "interrupted",
+               "step 5 (5/14) at rest at heading 0.0000 pitch 0.0000 roll 0.0000 deg: paused; rests");
   const LineYield y = line.yield();
-  ASSERT_EQ(y.reasons.size(), 3u);
+  ASSERT_EQ(y.reasons.size(), 4u);
   EXPECT_EQ(y.reasons[0].reason, "fail: gyro x bias (N01)");
   EXPECT_EQ(y.reasons[0].attempts, 2u);
-  EXPECT_DOUBLE_EQ(y.reasons[0].share, 0.5);
-  EXPECT_DOUBLE_EQ(y.reasons[2].cumulated, 1.0);
+  EXPECT_DOUBLE_EQ(y.reasons[0].share, 0.4);
+  EXPECT_DOUBLE_EQ(y.reasons[3].cumulated, 1.0);
   EXPECT_EQ(reason_class(line.all[2]), "hold: diagnosis extended: accel_second_order");
   EXPECT_EQ(reason_class(line.all[3]), "dropped: unit dropped out at DWELL: no sample for");
+  EXPECT_EQ(reason_class(line.all[5]), "interrupted: paused");
 }
 
 // Wilson 1927: 19 of 20 is 76.4 to 99.1 %.
