@@ -183,8 +183,7 @@ Status run_turn(const BatchOptions& options, const RunPlan& asked, const Turn& t
       continue;
     }
     TRY(record_outcome(options.queue, {unit.serial, unit.outcome, format_utc(wall_utc_s()), unit.reason}));
-    context.out << tag << "unit " << unit.serial << ": " << in_words(unit.outcome)
-                << (unit.reason.empty() ? "" : ": " + unit.reason)
+    context.out << tag << outcome_words(unit.serial, unit.outcome, unit.reason)
                 << (path_exists(unit.folder) ? "; " + unit.folder : "") << std::endl;
   }
   return stops;

@@ -247,8 +247,6 @@ RunEnd told(Run& run, const RunOutcome& outcome, RunDevices& devices, RunView& v
   if (!done) return stopped(run, outcome, goes_on, context);
   TRY(run.log->status());
   for (const RunUnit& unit : run.units)
-    if (!unit.dropped && !unit.status) run.say("unit " + unit.serial + ": " + unit.status.error().message);
-  for (const RunUnit& unit : run.units)
     if (const std::string text = not_reached(run, unit); !text.empty()) {
       run.say(text);
       context.out << text << std::endl;

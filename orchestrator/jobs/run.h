@@ -163,7 +163,8 @@ Status stored(Status status);
 std::string reason_of(const RunPlan& run, const VerdictReport& verdict);
 // An error of kind unit_failed, with verdict and reason, when the verdict is not one to accept.
 Status verdict_status(const std::string& unit, const VerdictReport& report);
-std::string verdict_head(const std::string& unit, std::string_view outcome);  // "unit SN1: fail: "
+// "unit SN1: fail: reason"
+std::string outcome_words(const std::string& unit, std::string_view outcome, const std::string& reason);
 // The reason of an outcome beside which unit and outcome stand.
 std::string reason_alone(const Status& status, const std::string& unit, std::string_view outcome,
                          const VerdictReport& verdict);

@@ -241,6 +241,9 @@ RunEnd conclude(RunEnd end, Run& run, CommandContext& context) {
     end.to_the_end = false;
   }
   send_on(run);
+  end = with_units(std::move(end), run);
+  for (const RunEnd::Unit& unit : end.units)
+    if (!unit.outcome.empty()) run.say(outcome_words(unit.serial, unit.outcome, unit.reason));
   for (const RunUnit& unit : run.units) {
     HookCall call = call_for(unit.status);
     call.unit = unit.serial;
@@ -248,12 +251,12 @@ RunEnd conclude(RunEnd end, Run& run, CommandContext& context) {
     call.outcome = outcome_of(run, unit);
     if (unit.status && call.outcome == to_string(UnitVerdict::not_judged)) {  // nobody has said that it is good
       call.event = "needs_operator";
-      call.message = verdict_head(call.unit, call.outcome) + reason_of(run, unit.verdict);
+      call.message = outcome_words(call.unit, call.outcome, reason_of(run, unit.verdict));
     }
     call.dry_run = run.request.dry_run;
     if (Status status = run_hook(run.station.hooks, call); !status) run.say(status.error().message);
   }
-  return with_units(std::move(end), run);
+  return end;
 }
 
 // Everything is recorded: no device is needed any more.
@@ -513,6 +516,7 @@ RunEnd resume_run(const std::string& folder, const RunRequest& now, CommandConte
   run.journal = std::move(journal);
   context.tag = tag_of(run);
   TRY(check_unchanged(run, contents));
+  run.log = TRY(RunLog::append(folder + "/" + log_name, std::string(tag_of(run))));
 
   mark_dropped(contents, true, run.units);
   const bool sealed = TRY(sealed_recordings(run));
@@ -544,7 +548,6 @@ RunEnd resume_run(const std::string& folder, const RunRequest& now, CommandConte
   TRY(run.journal->append(
       JournalType::resume,
       {{"software_version", software_version()}, {"what", what}, {"overdue_reason", run.request.overdue_reason}}));
-  run.log = TRY(RunLog::append(folder + "/" + log_name, std::string(tag_of(run))));
   run.say("resumed by turncal " + std::string(software_version()) + ": " + what);
   TRY(note_running(run, utc_s));
   limit.reset();

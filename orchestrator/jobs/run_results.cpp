@@ -356,17 +356,17 @@ std::string reason_of(const RunPlan& run, const VerdictReport& verdict) {
 
 Status verdict_status(const std::string& unit, const VerdictReport& report) {
   if (is_accepted(report.verdict)) return {};
-  return Error{ErrorKind::unit_failed, verdict_head(unit, to_string(report.verdict)) + report.reason};
+  return Error{ErrorKind::unit_failed, outcome_words(unit, to_string(report.verdict), report.reason)};
 }
 
-std::string verdict_head(const std::string& unit, std::string_view outcome) {
-  return "unit " + unit + ": " + in_words(outcome) + ": ";
+std::string outcome_words(const std::string& unit, std::string_view outcome, const std::string& reason) {
+  return "unit " + unit + ": " + in_words(outcome) + (reason.empty() ? "" : ": " + reason);
 }
 
 std::string reason_alone(const Status& status, const std::string& unit, std::string_view outcome,
                          const VerdictReport& verdict) {
   if (status) return verdict.reason;
-  const std::string head = verdict_head(unit, outcome), &message = status.error().message;
+  const std::string head = outcome_words(unit, outcome, "") + ": ", &message = status.error().message;
   return message.starts_with(head) ? message.substr(head.size()) : message;
 }
 
