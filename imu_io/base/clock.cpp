@@ -4,6 +4,7 @@
 #include <poll.h>
 #include <sys/select.h>
 
+#include <algorithm>
 #include <cerrno>
 #include <ctime>
 
@@ -46,10 +47,15 @@ std::optional<double> parse_utc(const std::string& text) {
 std::optional<double> parse_time_stamp(std::string_view text) {
   constexpr std::size_t day = 10, second = 19;
   if (text.size() < second || (text[day] != ' ' && text[day] != 'T')) return {};
-  if (text.ends_with('Z')) text.remove_suffix(1);
+  const std::string zone(text.substr(std::min(text.find_first_of("Z+-", second), text.size())));
+  std::tm parts{};
+  if (const char* const end = zone.empty() ? "" : ::strptime(zone.c_str(), "%z", &parts); !end || *end != '\0')
+    return {};
+  text.remove_suffix(zone.size());
   const auto whole_s = parse_utc(fmt::format("{}T{}Z", text.substr(0, day), text.substr(day + 1, second - day - 1)));
   const auto part_s = parse_number(fmt::format("0{}", text.substr(second)));
-  return whole_s && part_s && *part_s < 1.0 ? std::optional(*whole_s + *part_s) : std::nullopt;
+  if (!whole_s || !part_s || *part_s >= 1.0) return {};
+  return *whole_s + *part_s - double(parts.tm_gmtoff);
 }
 
 }  // namespace turncal

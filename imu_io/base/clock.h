@@ -24,7 +24,7 @@ class Clock {
 std::string format_utc(double utc_s);
 // And back; empty for any other text.
 std::optional<double> parse_utc(const std::string& text);
-// As tables have it, in UTC: "2026-01-31 12:00:00.04"; with T for the blank, and with Z behind it, too.
+// As tables have it, in UTC: "2026-01-31 12:00:00.04"; with T for the blank, and with Z or an offset as +02:00 behind it, too.
 std::optional<double> parse_time_stamp(std::string_view text);
 
 // A point in time by which a wait must be over, on the monotonic clock. For waits on devices; the station's own time is the

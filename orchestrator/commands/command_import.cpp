@@ -4,6 +4,7 @@
 #include <fmt/format.h>
 #include <algorithm>
 
+#include <cctype>
 #include <filesystem>
 #include <optional>
 
@@ -280,7 +281,7 @@ Status export_recording(const TextOptions& options, CommandContext& context) {
   TRY(check_not_source(options.out, options.source));
   // A folder has no ending that says "file".
   if (const std::string ending = std::filesystem::path(options.out).extension().string();
-      !names_matrix(options.out) && !did_you_mean(ending, {".npy", ".mat", ".NPY", ".MAT", ".csv", ".tcr"}).empty())
+      !names_matrix(options.out) && ending.size() > 1 && std::isalpha(static_cast<unsigned char>(ending[1])) != 0)
     return input_error(options.out + ": expected a folder (its text form), or a file that ends in .npy or .mat");
   if (names_matrix(options.out)) {
     std::error_code none;
@@ -350,6 +351,8 @@ Status apply(const ApplyOptions& options, CommandContext& context) {
                    {"the source", options.parameters},
                    {"--out", options.out}}));
   TRY(write_calibrated(calibrated, options));
+  if (!is_trusted(parameters))
+    context.err << context.tag << options.parameters << ": not trusted: " << why_not_trusted(parameters) << std::endl;
   if (temperature)
     context.out << fmt::format("parameters at the temperature of each sample, {:.2f} to {:.2f} C",
                                temperature->lowest_c, temperature->highest_c);
