@@ -4,6 +4,8 @@
 
 #include <algorithm>
 
+#include "calib/model/effects.h"
+
 namespace turncal {
 
 bool is_below(const Statement& a, const Statement& b) {
@@ -30,6 +32,8 @@ std::string words_of_probability(double p) {
 namespace {
 
 std::string sentence(const Statement& s) {
+  if (s.sensor == to_string(Sensor::earth_rate))
+    return "the Earth's rate is not as modelled (" + words_of_probability(s.probability) + ")";
   const bool of_all = s.sensor == "gyro" || s.sensor == "accelerometer";  // a whole triad
   const std::string sensor = of_all ? "the " + s.sensor + " triad" : s.sensor;
   const std::string of = s.quantity.empty() ? sensor : "the " + s.quantity + " of " + sensor;

@@ -12,6 +12,7 @@
 #include "imu_io/base/files.h"
 #include "imu_io/base/key_value.h"
 #include "orchestrator/station/fields.h"
+#include "orchestrator/watch/progress.h"
 
 namespace turncal {
 
@@ -223,8 +224,7 @@ Document verification_document(const VerificationReport& report) {
   if (report.info.simulated)
     document.add(Paragraph{"Simulated data: this is no verification of a real unit.", "loud"}, Scope::page);
   const std::string verdict = in_words(to_string(report.verdict)) + ": " + nearness_words(report);
-  document.add(Paragraph{verdict + ".", is_accepted(report.verdict) ? "verdict clean" : "verdict unexplained"},
-               Scope::page);
+  document.add(Paragraph{verdict + ".", "verdict " + std::string(to_string(tone_of(report.verdict)))}, Scope::page);
   Facts facts;
   facts.add("heading", judged(fmt::format("largest deviation {}, means differ from the table by {} (rms); limit {:g}",
                                           quantity(found.deviation[0].value_deg, found.deviation[0].sigma_deg, "deg"),

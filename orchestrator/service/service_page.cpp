@@ -15,6 +15,7 @@
 #include "imu_io/base/text.h"
 #include "imu_io/recordings/recording_check.h"
 #include "orchestrator/records/journal.h"
+#include "orchestrator/report/document.h"
 #include "orchestrator/station/number_text.h"
 #include "orchestrator/watch/page_server.h"
 #include "orchestrator/watch/progress.h"
@@ -164,10 +165,9 @@ struct OpenPage : ServicePage {
     const bool old = there == made.end() || monotonic_s() - there->second.at_s > made_for_s;
     if (old && maker.pending() == 0) maker.post([this, path = std::string(path)] { make_anew(path); });
     if (there != made.end()) return there->second.text;
-    return PageText{"text/html; charset=utf-8",
-                    "<!DOCTYPE html><html lang=\"en\"><head>" + std::string(page_head) +
-                        "<meta http-equiv=\"refresh\" content=\"1\"><title>turncal</title></head>"
-                        "<body><p>The page is being made.</p></body></html>\n"};
+    std::string html = as_page(Document{"turncal", "The page is being made."}).html;
+    html.insert(html.find("</head>"), "<meta http-equiv=\"refresh\" content=\"1\">");
+    return PageText{"text/html; charset=utf-8", html};
   }
 };
 
