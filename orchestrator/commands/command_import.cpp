@@ -284,9 +284,6 @@ Status export_recording(const TextOptions& options, CommandContext& context) {
       !names_matrix(options.out) && ending.size() > 1 && std::isalpha(static_cast<unsigned char>(ending[1])) != 0)
     return input_error(options.out + ": expected a folder (its text form), or a file that ends in .npy or .mat");
   if (names_matrix(options.out)) {
-    std::error_code none;
-    if (std::filesystem::is_directory(options.out, none))
-      return input_error(options.out + ": expected a file name, found a folder");
     TRY(write_recording_columns(*source, options.out));
     return say(*source, "exported to", options.out, context);
   }
@@ -342,9 +339,6 @@ Status apply(const ApplyOptions& options, CommandContext& context) {
   SampleCalibration calibration = TRY(SampleCalibration::make(parameters, options.parameters, *source));
   const std::optional<TemperatureCourse> temperature = calibration.temperature;
   CalibratedSource calibrated(*source, std::move(calibration));
-  std::error_code error;
-  if (std::filesystem::is_directory(options.out, error))
-    return input_error(options.out + ": expected a file name, found a folder");
   TRY(check_apart({{"the source", options.recording},
                    {"the source", options.recording + "/" + binary_recording_name},
                    {"the source", options.recording + "/imu.csv"},
