@@ -339,6 +339,7 @@ Status append_durably(const std::string& path, std::string_view text) {
 }
 
 Status check_replaceable(const std::string& path, std::string_view beginning) {
+  TRY(check_regular_file(path));
   std::ifstream file(path, std::ios::binary);
   std::string found(beginning.size(), '\0');
   file.read(found.data(), static_cast<std::streamsize>(found.size()));
