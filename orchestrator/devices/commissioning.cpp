@@ -398,7 +398,7 @@ void RateCheck::add(const AxisStatus& now) {
 }
 
 Result<double> RateCheck::judge(Axis axis, double tolerance) const {
-  if (std::abs(followed_deg_) < least_followed * std::abs(turned_deg_)) return late_s_;
+  if (std::abs(followed_deg_) <= least_followed * std::abs(turned_deg_)) return late_s_;
   const std::string turned = fmt::format("{} turned by {:+.3f} deg ", to_string(axis), followed_deg_);
   if (std::abs(summed_deg_ - followed_deg_) > tolerance * std::abs(followed_deg_))
     return input_error(

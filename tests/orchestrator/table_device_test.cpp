@@ -148,6 +148,7 @@ TEST(RateCheck, ADeadRateOrMovingBitIsNamed) {
   for (const double scale : {0.0, -1.0, 0.1, 60.0, std::numeric_limits<double>::quiet_NaN()})
     EXPECT_TRUE(fails(judged(scale, true), ErrorKind::input, "pitch turned by +5.000 deg while its rate summed up to"));
   EXPECT_TRUE(fails(judged(1.0, false), "its status never showed it"));
+  EXPECT_OK(RateCheck(AxisStatus{}, 5.0).judge(Axis::pitch, 0.3)) << "it had no way to go";
 }
 
 }  // namespace
