@@ -176,8 +176,10 @@ std::string why_open(const CompressedRecording& recording, const JointResult& re
     return "expected slower turns, " + clipped;
   if (const std::string wrong = wrong_latitude(recording, result); !wrong.empty())
     return "expected the site's latitude, " + wrong;
-  const std::string misfit = distrust_of(recording, result);
-  return misfit.empty() ? "expected the steps that do" : misfit;
+  if (result.whiteness.level == 0.0) return "expected the steps that do";  // too few seconds at rest
+  const Diagnosis found = diagnose(recording, {.estimate = {}, .base = &result});
+  return found.verdict == Verdict::not_tested ? "expected the steps that do"
+                                              : "the model does not fit: " + found.reason;
 }
 
 Status joint(const CompressedRecording& recording, const CalibrationRequest& request, CalibrationOutput& output) {

@@ -89,10 +89,11 @@ void describe_settling(Making& m) {
 void diagnose_unit(Making& m) {
   if (!is_diagnosed(m)) return;
   const bool alone = m.recordings.size() == 1;
+  const JointResult* const fit = alone && m.unit.output && m.unit.output->fit ? &*m.unit.output->fit : nullptr;
   Result<DiagnosisOutput> output =
       diagnose_recordings(m.recordings, {.time_utc = m.time_utc,
                                          .noise = {},
-                                         .base = m.unit.output->fit && alone ? &*m.unit.output->fit : nullptr,
+                                         .base = fit,
                                          .samples = alone ? samples_of(m) : m.recordings.front().path,
                                          .of_run = true});
   m.diagnosis = output ? to_string(output->diagnosis.verdict) : "failed";
@@ -240,11 +241,11 @@ Status make_unit(Run& run, RunUnit& unit, double utc_s, CommandContext& context)
       return write_file_atomically(unit.file(truth_name), format_truth(Rig(unit.rig), reference_c));
     }));
   if (!estimated) {  // all of it is recorded: nothing that is done again would help
-    VerdictReport failed;
-    failed.verdict = UnitVerdict::fail;
-    failed.reason = estimated.error().message;
-    failed.diagnosis.clear();
-    TRY(keep([&] { return note(making, JournalType::verdict, texts_of(failed)); }));
+    diagnose_unit(making);
+    unit.verdict.verdict = UnitVerdict::fail;
+    unit.verdict.reason = estimated.error().message;
+    unit.verdict.diagnosis = unit.diagnosis ? making.diagnosis : "";
+    TRY(publish(making, keep));
     return estimated;
   }
   TRY(judge(making));
