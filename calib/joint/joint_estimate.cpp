@@ -105,7 +105,7 @@ class JointRun {
     ranges_ = r.ranges = all_ranges(ranges_, options_.effects);
 
     if (beside) {
-      iterate(0.3, 1, close_by);  // beside a finished fit one step is most of the way
+      iterate(0.3, options_.one_step ? 1 : options_.max_iterations, options_.one_step ? close_by : for_noise_of_trials);
     } else {
       const bool settled = settle();
       // What reads other axes than the record says may settle as well.
@@ -128,14 +128,7 @@ class JointRun {
       return r;
     }
     if (options_.look_for_faults && !beside) look_for_faults();
-    if (!options_.noise) {
-      const NoiseFitOptions fit_options{options_.fit_bias_instability, beside != nullptr};
-      FilterSetup setup = r.setup;
-      const CompressedRecording fewer =
-          coarser(recording_, fit_options.near_start ? for_noise_of_trials : for_noise, setup);
-      r.noise_fit = fit_noise(fewer, r.parameters, effects_, setup, subset_, ranges_, fit_options);
-      r.setup.noise = r.noise_fit->noise;
-    }
+    if (!options_.noise) measure_noise();
     const bool ended = is_open() ? iterate(0.3, options_.max_iterations, {1.0, 0.0})
                                  : options_.candidates.empty() || iterate(0.3, 5, close_by);  // their passes are dear
     r.converged = last_passes() && (ended || !is_open());
@@ -145,6 +138,20 @@ class JointRun {
   }
 
  private:
+  // What an effect explains was noise beside the fit without it: where that was much of it, once more from where it leads.
+  void measure_noise() {
+    JointResult& r = result_;
+    const bool beside = options_.faults_of != nullptr;
+    const NoiseFitOptions fit_options{options_.fit_bias_instability, beside};
+    for (int round = 0; round < 3; ++round) {
+      FilterSetup setup = r.setup;
+      const CompressedRecording fewer = coarser(recording_, beside ? for_noise_of_trials : for_noise, setup);
+      r.noise_fit = fit_noise(fewer, r.parameters, effects_, setup, subset_, ranges_, fit_options);
+      r.setup.noise = r.noise_fit->noise;
+      if (!beside || r.noise_fit->converged || !iterate(0.3, options_.max_iterations, for_noise_of_trials)) return;
+    }
+  }
+
   // Biases of several recordings: what the rests of each say, where they are far apart.
   void start_of_each() {
     std::vector<std::size_t> ends(options_.begins.begin(), options_.begins.end());
