@@ -47,8 +47,16 @@ Vector3d relaxation(State s, double tau) {
   return in_g(s) * std::exp(-s.since_rotation_s / tau);
 }
 Vector3d rate_size(State s, double) { return s.w_b.cwiseAbs(); }
-Vector3d rate_nonlinearity(State s, double) { return s.w_b.cwiseAbs().cwiseProduct(s.w_b) / (10.0 * rad_per_deg); }
-Vector3d rate_cube(State s, double) { return s.w_b.array().cube() / std::pow(10.0 * rad_per_deg, 2); }
+// The mean square of a rate that changes evenly over the block, less the square of its mean.
+Eigen::Array3d more_of_square(State s) { return (s.duration_s * s.w_dot_b).array().square() / 12.0; }
+Vector3d rate_nonlinearity(State s, double) {
+  const auto w = s.w_b.array();
+  return (w.abs() * w + w.sign() * more_of_square(s)) / (10.0 * rad_per_deg);
+}
+Vector3d rate_cube(State s, double) {
+  const auto w = s.w_b.array();
+  return w * (w.square() + 3.0 * more_of_square(s)) / std::pow(10.0 * rad_per_deg, 2);
+}
 
 void diagonal(Out out, const Vector3d& value) { out.leftCols<3>().diagonal() = value; }
 template <PerAxis value>
@@ -69,7 +77,8 @@ void cross_coupling(State s, const Site&, double, Out, Out a) {
   full(a, Vector3d(f.x() * f.y(), f.x() * f.z(), f.y() * f.z()));
 }
 void size_effect(State s, const Site&, double, Out, Out a) {
-  const Eigen::Matrix3d m = skew(s.w_dot_b) + skew(s.w_b) * skew(s.w_b);
+  const Eigen::Matrix3d faster = skew(s.w_dot_b), turning = skew(s.w_b);
+  const Eigen::Matrix3d m = faster + turning * turning + s.duration_s * s.duration_s / 12.0 * faster * faster;
   for (int i = 0; i < 3; ++i) a.block(i, 3 * i, 1, 3) = m.row(i);
 }
 void delay(State s, const Site&, double, Out, Out a) { a.col(0) = s.w_b.cross(s.f_b); }
