@@ -10,18 +10,31 @@
 namespace turncal {
 namespace {
 
-Eigen::VectorXd pull_on(const JointResult& fit, const std::vector<int>& columns) {
-  Eigen::VectorXd pull = Eigen::VectorXd::Zero(Eigen::Index(columns.size()));
-  for (std::size_t k = 0; k < columns.size(); ++k)
-    if (columns[k] < fit.noise_pull.size()) pull[Eigen::Index(k)] = fit.noise_pull[columns[k]];
-  return pull;
+// By how much more an effect adds to a reading where that reading is larger.
+void set_slopes(const EffectModel& effects, const BlockState& at, Readings& readings) {
+  constexpr double rate_radps = 1e-4, force_mps2 = 1e-2;
+  EffectRegressors here, beside;
+  for (EffectRegressors* of : {&here, &beside}) {
+    of->gyro.setZero(3, effects.columns);
+    of->accel.setZero(3, effects.columns);
+  }
+  effects.regressors(at, here);
+  for (int axis = 0; axis < 3; ++axis) {
+    BlockState faster = at, heavier = at;
+    faster.w_b[axis] += rate_radps;
+    heavier.f_b[axis] += force_mps2;
+    effects.regressors(faster, beside);
+    readings.row(12 + axis) = (beside.gyro.row(axis) - here.gyro.row(axis)) / rate_radps;
+    effects.regressors(heavier, beside);
+    readings.row(15 + axis) = (beside.accel.row(axis) - here.accel.row(axis)) / force_mps2;
+  }
 }
 
 }  // namespace
 
 std::vector<Readings> readings_of(const EffectModel& effects, const Pieces& pieces,
                                   const std::vector<BlockState>& states) {
-  std::vector<Readings> readings(pieces.cells.size(), Readings::Zero(6, effects.columns));
+  std::vector<Readings> readings(pieces.cells.size(), Readings::Zero(18, effects.columns));
   EffectRegressors one;
   one.gyro.setZero(3, effects.columns);
   one.accel.setZero(3, effects.columns);
@@ -32,8 +45,13 @@ std::vector<Readings> readings_of(const EffectModel& effects, const Pieces& piec
     const auto c = std::size_t(pieces.cell_of_block[k]);
     const double part = states[k].duration_s / pieces.cells[c].at.duration_s;
     readings[c].topRows<3>() += part * one.gyro;
-    readings[c].bottomRows<3>() += part * one.accel;
+    readings[c].middleRows<3>(3) += part * one.accel;
+    if (!pieces.cells[c].turns || pieces.jump_of_block.empty()) continue;
+    readings[c].middleRows<6>(6) += pieces.jump_of_block[k].leftCols<3>() * one.gyro;
+    readings[c].middleRows<6>(6) += pieces.jump_of_block[k].rightCols<3>() * one.accel;
   }
+  if (!pieces.jump_of_block.empty())
+    for (std::size_t c = 0; c < readings.size(); ++c) set_slopes(effects, pieces.cells[c].at, readings[c]);
   return readings;
 }
 
@@ -82,8 +100,7 @@ void put_back(const Values& effects, const std::vector<Values>& held_out, const 
   system.put_back(x);
 }
 void score_again(UnderNoise& under) {
-  for (std::size_t k = 0; k < under.blocks.size(); ++k)
-    under.blocks[k].s = under.table->bases[k].products(under.system->scores().transpose()).transpose();
+  for (std::size_t k = 0; k < under.blocks.size(); ++k) under.blocks[k].s = under.system->score(under.table->bases[k]);
 }
 
 void conclude(Posterior posterior, const std::vector<EstimatedEffect>& effects, Evidence& result) {
@@ -127,8 +144,7 @@ PiecewiseView view_in_pieces(const CompressedRecording& recording, const JointRe
   view.states.resize(view.recording.blocks.size());
   view.pieces = cut_into_pieces(view.recording, pass.steps, view.states);
   if (!view.pieces.pieces.empty() && !view.columns.empty())
-    view.system =
-        std::make_unique<PieceSystem>(view.recording, pass, view.columns, pull_on(fit, view.columns), view.pieces);
+    view.system = std::make_unique<PieceSystem>(view.recording, pass, fit.parameters, noise, view.columns, view.pieces);
   return view;
 }
 

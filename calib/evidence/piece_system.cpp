@@ -47,6 +47,20 @@ void set_table_angles(const CompressedRecording& recording, const std::vector<Fi
   }
 }
 
+// Of the blocks before the step `end`, back to the rest before it. What came early tilts gravity until the turn ends.
+void set_jumps(const CompressedRecording& recording, const std::vector<FilterStep>& steps, std::size_t end,
+               std::vector<JumpByReadings>& jump_of_block) {
+  JumpByReadings onward = JumpByReadings::Identity();  // of psi and v from behind a block
+  for (std::size_t k = end; k-- > 0 && !steps[k].observed;) {
+    const FilterStep& step = steps[k];
+    jump_of_block[step.block] = onward * step.jump;
+    if (step.begins_chain) return;
+    const Matrix3d tilted = onward.bottomLeftCorner<3, 3>() * step.turn_n;
+    onward.topLeftCorner<3, 3>() *= step.turn_n;
+    onward.bottomLeftCorner<3, 3>() = tilted - step.F * recording.blocks[step.block].duration_s;
+  }
+}
+
 }  // namespace
 
 void append(const Pieces& more, int recording, Pieces& all) {
@@ -77,6 +91,7 @@ Pieces cut_into_pieces(const CompressedRecording& recording, const std::vector<F
                        std::vector<BlockState> states) {
   Pieces result;
   result.cell_of_block.assign(recording.blocks.size(), -1);
+  result.jump_of_block.assign(recording.blocks.size(), JumpByReadings::Zero());
   const double period = recording.info.sample_period_s;
   std::vector<ErrorCell> turn;                                   // parts since the last rest
   std::vector<std::pair<std::size_t, std::size_t>> turn_blocks;  // block, part
@@ -96,14 +111,6 @@ Pieces cut_into_pieces(const CompressedRecording& recording, const std::vector<F
         turn.emplace_back();
         turn.back().turns = true;
         turned.push_back(0.0);
-      }
-      // An error of a part that is over tilts gravity until the turn ends.
-      const double t = block.duration_s;
-      const Matrix3d Ft = steps[k].F * t, more = steps[k].C_mid * t;
-      for (ErrorCell& part : turn) {
-        const Matrix3d now = &part == &turn.back() ? more : Matrix3d::Zero();
-        part.fallen -= Ft * (part.pushed + 0.5 * now);
-        part.pushed += now;
       }
       add(state, turn.back());
       turned.back() += steps[k].rotation.norm();
@@ -136,7 +143,11 @@ Pieces cut_into_pieces(const CompressedRecording& recording, const std::vector<F
       piece.begin_s = begin;
       piece.first_cell = result.cells.size();
       if (piece.after_turn) {
-        for (const auto& [of, part] : turn_blocks) result.cell_of_block[of] = int(piece.first_cell + part);
+        set_jumps(recording, steps, k, result.jump_of_block);
+        for (const auto& [of, part] : turn_blocks) {
+          result.cell_of_block[of] = int(piece.first_cell + part);
+          turn[part].jump += result.jump_of_block[of];
+        }
         for (ErrorCell& part : turn) {
           divide(part);
           part.epoch = epoch;
@@ -174,6 +185,7 @@ using Eigen::Matrix3d;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 using Columns = Eigen::Matrix<double, Eigen::Dynamic, 3>;
+using Vector6 = Eigen::Matrix<double, 6, 1>;
 
 constexpr double rounding = 1e-9;  // of what the parameters leave of a column
 
@@ -196,14 +208,15 @@ class BackwardStep {
         in_piece_(in_piece),
         psi_psi_(step.turn_n),
         v_psi_(-step.F * t),
-        psi_b_(step.C_mid * t),
-        v_b_(-step.F * step.C_mid * (0.5 * t * t)) {
+        psi_b_(step.jump.topLeftCorner<3, 3>()),
+        v_b_(step.jump.bottomLeftCorner<3, 3>()),
+        v_a_(step.jump.bottomRightCorner<3, 3>()) {
     if (!step.observed) return;
     H_.setZero(3, states + 6);
     H_.leftCols<3>() = 0.5 * v_psi_;
     H_.middleCols<3>(3).setIdentity();
     const Matrix3d by_gyro = v_b_ / 3.0;
-    const Matrix3d by_accel = 0.5 * psi_b_;
+    const Matrix3d by_accel = 0.5 * v_a_;
     for (int at = 6; at <= states; at += 6) {  // b_g, b_a where there are any, then the piece's
       H_.middleCols<3>(at) = by_gyro;
       H_.middleCols<3>(at + 3) = by_accel;
@@ -220,7 +233,7 @@ class BackwardStep {
         by_gain += M.middleCols<3>(9) * step_.K.middleRows<3>(9);
       }
     }
-    const Columns gyro = psi * psi_b_ + v * v_b_, accel = v * psi_b_;
+    const Columns gyro = psi * psi_b_ + v * v_b_, accel = v * v_a_;
     M.leftCols<3>() = psi * psi_psi_ + v * v_psi_;
     if (states_ == 12) {
       M.middleCols<6>(6) *= step_.rho;
@@ -240,12 +253,26 @@ class BackwardStep {
     }
   }
   const Eigen::Matrix<double, 3, Eigen::Dynamic>& H() const { return H_; }
+  // Of an observed one of length t, by that on the state at its end: the information on the walks of its readings, times their variances per
+  // unit. A walk has a mean over the step, and departs from it (StepNoise, linear_motion.h): v by t^3 / 12 more, the mean velocity by t / 12.
+  Vector6 of_walks(const MatrixXd& I, double t) const {
+    const auto gain = step_.K.topRows(states_);
+    const auto seen = [&](const MatrixXd& by_state, const MatrixXd& by_mean) {
+      const MatrixXd to = by_state - gain * by_mean;
+      return Vector6((to.transpose() * I * to + by_mean.transpose() * step_.S_inverse * by_mean).diagonal());
+    };
+    MatrixXd mean = MatrixXd::Zero(states_, 6), departs = mean, departs_mean = MatrixXd::Zero(3, 6);
+    mean.topRows<6>() = step_.jump;
+    departs.block<3, 3>(3, 0) = step_.F * step_.C_mid * std::sqrt(t * t * t / 12.0);
+    departs_mean.rightCols<3>() = step_.C_mid * std::sqrt(t / 12.0);
+    return seen(mean, H_.rightCols<6>()) / t + seen(departs, departs_mean);
+  }
 
  private:
   const FilterStep& step_;
   const int states_;
   const bool in_piece_;
-  Matrix3d psi_psi_, v_psi_, psi_b_, v_b_;
+  Matrix3d psi_psi_, v_psi_, psi_b_, v_b_, v_a_;
   Eigen::Matrix<double, 3, Eigen::Dynamic> H_;
 };
 
@@ -296,8 +323,7 @@ MatrixXd Weights::products(const MatrixXd& y) const {
 }
 
 // An observation is as wrong as its coordinate, and the residual is prediction less observation.
-PieceSystem::PieceSystem(const MatrixXd& derivatives, const VectorXd& residuals, double log_variance)
-    : floor_(rounding) {
+PieceSystem::PieceSystem(const MatrixXd& derivatives, const VectorXd& residuals, double log_variance) {
   A_ = derivatives.transpose() * derivatives;
   gradient_ = derivatives.transpose() * residuals;
   misfit_ = residuals.squaredNorm() + log_variance;
@@ -315,8 +341,8 @@ PieceSystem::PieceSystem(const MatrixXd& derivatives, const VectorXd& residuals,
   eliminate_parameters();
 }
 
-PieceSystem::PieceSystem(const CompressedRecording& recording, const FilterResult& pass,
-                         const std::vector<int>& columns, const VectorXd& pull, const Pieces& pieces) {
+PieceSystem::PieceSystem(const CompressedRecording& recording, const FilterResult& pass, const Parameters& parameters,
+                         const NoiseModel& noise, const std::vector<int>& columns, const Pieces& pieces) {
   A_ = pass.information(columns, columns);
   gradient_ = pass.gradient(columns);
   misfit_ = pass.chi_square + pass.log_determinant;
@@ -328,16 +354,25 @@ PieceSystem::PieceSystem(const CompressedRecording& recording, const FilterResul
   s_.setZero(piece_dims * n);
   R_.setZero(s_.size(), Eigen::Index(columns.size()));
   links_.resize(pieces.pieces.size());
-  run(pass, recording, columns, pieces.pieces);
+  pull_.assign(pieces.cells.size(), Vector6::Zero());
+  Vector6 walks, all = Vector6::Zero();
+  walks << noise.angle_random_walk.cwiseAbs2(), noise.velocity_random_walk.cwiseAbs2();
+  run(pass, recording, columns, walks, pieces);
+  for (const Vector6& of_cell : pull_) all += of_cell;
+  constexpr std::array<int, 6> scale_factors = {6, 10, 14, 15, 19, 23};
+  const ParameterVector values = to_vector(parameters);
+  for (std::size_t k = 0; k < columns.size(); ++k)
+    if (const auto at = std::ranges::find(scale_factors, columns[k]); at != scale_factors.end())
+      gradient_[Eigen::Index(k)] -= all[at - scale_factors.begin()] / values[columns[k]];
   eliminate_parameters();
-  floor_ = std::max(rounding, (A_inverse_ * pull).cwiseAbs2().cwiseQuotient(A_inverse_.diagonal()).maxCoeff());
 }
 
 PieceSystem::PieceSystem(const PieceSystem& first, const PieceSystem& second, const std::vector<Eigen::Index>& own)
     : states_(first.states_),
       misfit_(first.fixed_misfit() + second.fixed_misfit()),
-      floor_(first.floor_),
-      links_(first.links_) {
+      links_(first.links_),
+      pull_(first.pull_) {
+  pull_.insert(pull_.end(), second.pull_.begin(), second.pull_.end());
   const Eigen::Index p = first.A_.rows(), all = p + std::ssize(own), n = first.s_.size(), m = second.s_.size();
   Eigen::VectorXi place = Eigen::VectorXi::LinSpaced(second.A_.rows(), 0, int(second.A_.rows()) - 1);
   for (std::size_t k = 0; k < own.size(); ++k) place[own[k]] = int(p) + int(k);
@@ -370,7 +405,11 @@ double PieceSystem::fixed_misfit() const { return misfit_ - gradient_.dot(fit_sh
 // Going back, the transition T to where the next piece begins, the score r and the information R with the parameters go through the same
 // steps: they are rows of one matrix. What the steps of a turn do is taken together.
 void PieceSystem::run(const FilterResult& pass, const CompressedRecording& recording, const std::vector<int>& columns,
-                      const std::vector<Piece>& pieces) {
+                      const Vector6& walks, const Pieces& cut) {
+  const std::vector<Piece>& pieces = cut.pieces;
+  const auto add_pull = [&](std::size_t block, const Vector6& of_walks) {
+    if (const int cell = cut.cell_of_block[block]; cell >= 0) pull_[std::size_t(cell)] += walks.cwiseProduct(of_walks);
+  };
   const int states = states_;
   const int Z = states + 6;  // state, then the biases within the piece
   const int p = int(columns.size());
@@ -409,11 +448,16 @@ void PieceSystem::run(const FilterResult& pass, const CompressedRecording& recor
     const bool in_piece = piece < pieces.size() && k >= pieces[piece].first_step && k <= pieces[piece].last_step;
     const BackwardStep back(step, recording.blocks[step.block].duration_s, states, in_piece);
     if (!step.observed && !in_piece && !step.begins_chain) {
+      const JumpByReadings& jump = cut.jump_of_block[step.block];
+      const JumpByReadings seen = jump.transpose() * I.topLeftCorner<6, 6>() * jump;
+      add_pull(step.block, seen.diagonal() / recording.blocks[step.block].duration_s);
       back.apply(turn);
       turning = true;
       continue;
     }
     end_turn();
+    if (step.observed)
+      add_pull(step.block, back.of_walks(I.topLeftCorner(states, states), recording.blocks[step.block].duration_s));
     back.apply(carried);
     back.apply(I);
     half = I.transpose();
@@ -462,7 +506,7 @@ std::vector<PieceSystem::Block> PieceSystem::blocks(const std::vector<Weights>& 
     all += columns(k);
     // With itself, and half of what it has with later pieces.
     result[k].Q.setZero(columns(k), columns(k));
-    if (columns(k) > 0) result[k].s = weights[k].products(s_.transpose()).transpose();
+    if (columns(k) > 0) result[k].s = score(weights[k]);
   }
   // Side by side, products of many columns cost little more than those of one. Transposed: a row a column.
   MatrixXd later = MatrixXd::Zero(all, states_), next(all, states_);
@@ -502,9 +546,14 @@ std::vector<PieceSystem::Block> PieceSystem::blocks(const std::vector<Weights>& 
     block.before = block.Q.diagonal();
     block.Q.noalias() -= by_parameters.transpose() * block.shift;
     block.Q = (0.5 * (block.Q + block.Q.transpose())).eval();
-    block.Q.diagonal() += floor_ * block.before;
+    block.Q.diagonal() += rounding * block.before;
   }
   return result;
+}
+
+VectorXd PieceSystem::score(const Weights& weights) const {
+  const VectorXd s = weights.products(s_.transpose()).transpose();
+  return weights.pull.size() > 0 ? VectorXd(s - weights.pull) : s;
 }
 
 PieceSystem::OfPiece PieceSystem::of_piece(std::size_t piece) const {

@@ -36,9 +36,7 @@ struct ErrorCell {
   BlockState at;  // means over it; duration_s: of all of it
   bool turns = false;
   int epoch = 0;
-  // Of a part of a turn: a reading that is too large by a rate w and a force f gives psi += pushed w, v += fallen w + pushed f by the end
-  // of the turn.
-  Eigen::Matrix3d pushed = Eigen::Matrix3d::Zero(), fallen = Eigen::Matrix3d::Zero();
+  JumpByReadings jump = JumpByReadings::Zero();  // of a part of a turn, by the end of the turn
 };
 
 struct Piece {  // of rest
@@ -54,7 +52,8 @@ struct Piece {  // of rest
 struct Pieces {
   std::vector<Piece> pieces;
   std::vector<ErrorCell> cells;
-  std::vector<int> cell_of_block;  // -1: of none
+  std::vector<int> cell_of_block;             // -1: of none
+  std::vector<JumpByReadings> jump_of_block;  // 0: at rest
   int epochs = 0;
   std::size_t fitted_cells = 0;  // those behind them are of recordings that the parameters were not fitted to
   // Of hand-turned data (rest_diagnosis.h), of each cell: what its readings do to the coordinates, which are observations. Else empty.
@@ -81,6 +80,8 @@ struct Weights {
   std::vector<Eigen::Index> rows, first;  // coordinates, rising
   std::vector<std::size_t> begin = {0};   // of each piece, in `rows`; and the end
   std::vector<double> values;
+  Eigen::VectorXd
+      pull;  // what the noise of the readings that columns are made of adds to their scores (errors in variables); empty: nothing
   Eigen::Map<const Eigen::MatrixXd> of() const { return {values.data(), mine, std::ssize(rows)}; }  // mine x rows
   // The next piece; `coordinates`: mine x piece_dims.
   void add(Eigen::Index first_column, const Eigen::MatrixXd& coordinates);
@@ -94,9 +95,9 @@ struct Weights {
 
 class PieceSystem {
  public:
-  // `pass`: run with keep_steps (not kept); `columns`: of the model's parameters; `pull`: of noise on their gradient (noise_fit.h).
-  PieceSystem(const CompressedRecording& recording, const FilterResult& pass, const std::vector<int>& columns,
-              const Eigen::VectorXd& pull, const Pieces& pieces);
+  // `pass`: run with keep_steps (not kept), at `parameters` and `noise`; `columns`: of the model's parameters.
+  PieceSystem(const CompressedRecording& recording, const FilterResult& pass, const Parameters& parameters,
+              const NoiseModel& noise, const std::vector<int>& columns, const Pieces& pieces);
 
   // Of independent observations: residuals over their sigmas, and their derivatives by the parameters. Coordinates are the observations, filled up
   // to whole pieces. `log_variance`: sum of the logarithms of their variances.
@@ -106,8 +107,7 @@ class PieceSystem {
   // the second has for itself.
   PieceSystem(const PieceSystem& first, const PieceSystem& second, const std::vector<Eigen::Index>& own);
 
-  // Of each by itself: Q, s, and what one of each moves the parameters by. Columns are made of noisy readings, which pulls the parameters by
-  // so many sigma; what the parameters leave of a column is known no better than to its square (floor_), which Q contains.
+  // Of each by itself: Q, s, and what one of each moves the parameters by.
   struct Block {
     Eigen::MatrixXd Q;
     Eigen::VectorXd s;
@@ -117,13 +117,18 @@ class PieceSystem {
   // `wanted`, of each; empty: all. Of the others nothing is in the result.
   std::vector<Block> blocks(const std::vector<Weights>& weights, const std::vector<char>& wanted = {}) const;
   const Eigen::VectorXd& scores() const { return s_; }  // of the coordinates; put_back() changes them
+  Eigen::VectorXd score(const Weights& weights) const;
   // Of one piece.
+  using Information = Eigen::Matrix<double, piece_dims, piece_dims>;
   struct OfPiece {
-    Eigen::Matrix<double, piece_dims, piece_dims> Q;
+    Information Q;
     Eigen::Matrix<double, piece_dims, 1> s, before;
   };
   OfPiece of_piece(std::size_t piece) const;
-  Eigen::Matrix<double, piece_dims, 1> before(std::size_t piece) const { return links_[piece].I.diagonal(); }
+  const Information& information(std::size_t piece) const { return links_[piece].I; }  // before they were eliminated
+  // Readings have white noise, which goes with what it does to the velocities (errors in variables, noise_fit.h): of each reading of a cell, by
+  // how much a column that it is a factor of is scored too high.
+  const Eigen::Matrix<double, 6, 1>& pull(std::size_t cell) const { return pull_[cell]; }
   // Q x, all coordinates.
   Eigen::MatrixXd times(const Eigen::MatrixXd& x) const;
   // The pass had errors `x` taken off: from here on they are in the data, as linearised.
@@ -138,18 +143,19 @@ class PieceSystem {
 
  private:
   void run(const FilterResult& pass, const CompressedRecording& recording, const std::vector<int>& columns,
-           const std::vector<Piece>& pieces);
+           const Eigen::Matrix<double, 6, 1>& walks, const Pieces& pieces);
   void eliminate_parameters();
   double fixed_misfit() const;  // of the parameters where the pass had them
 
   struct Link {
-    Eigen::Matrix<double, piece_dims, piece_dims> I;
+    Information I;
     Eigen::Matrix<double, Eigen::Dynamic, piece_dims> E, G;  // states x piece_dims
     Eigen::MatrixXd M;
   };
   int states_ = 6;  // psi, v; with bias instability b_g, b_a
   double misfit_ = 0.0, floor_ = 0.0;
   std::vector<Link> links_;  // of each piece, to the next
+  std::vector<Eigen::Matrix<double, 6, 1>> pull_;
   Eigen::VectorXd s_;
   Eigen::MatrixXd R_;  // coordinates x parameters
   Eigen::MatrixXd A_, A_inverse_;

@@ -157,7 +157,7 @@ Weights by_piece(const PieceSystem& system, const VectorXd& x, const VectorXd& u
   };
   std::array<Part, 3> parts = {Part{0, 6}, Part{6, 3}, Part{9, 3}};
   for (Eigen::Index first = 0; first < unit.size(); first += piece_dims) {
-    const OfPiece seen = system.before(std::size_t(first / piece_dims));
+    const OfPiece seen = system.information(std::size_t(first / piece_dims)).diagonal();
     for (Part& p : parts) {
       const auto u = unit.segment(first + p.at, p.wide).cwiseAbs2();
       const double information = u.dot(seen.segment(p.at, p.wide));
@@ -174,7 +174,7 @@ Weights by_piece(const PieceSystem& system, const VectorXd& x, const VectorXd& u
     const OfPiece all = x.segment<piece_dims>(first),
                   one = unit.size() == 0 ? all : OfPiece(unit.segment<piece_dims>(first));
     if (all.isZero(0.0) && one.isZero(0.0)) continue;
-    const OfPiece seen = system.before(std::size_t(first / piece_dims));
+    const OfPiece seen = system.information(std::size_t(first / piece_dims)).diagonal();
     const auto add = [&](const OfPiece& of) { columns.push_back({of.cwiseAbs2().dot(seen), first, of}); };
     OfPiece rest = OfPiece::Zero();
     const OfPiece& along = one.head<6>().isZero(0.0) ? all : one;

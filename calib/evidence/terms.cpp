@@ -50,6 +50,8 @@ struct Channel {
 };
 // Of the readings of a cell, gyros x y z and accelerometers x y z: which, and how much.
 int reading_of(const Channel& c) { return (c.sensor == Sensor::gyro ? 0 : 3) + c.axis; }
+// By how much more it is where its reading is larger.
+double slope_of(const Channel& c) { return c.quantity == Quantity::scale_factor ? c.unit : 0.0; }
 double size_of(const Channel& c, const ErrorCell& cell) {
   const Vector3d& input = c.sensor == Sensor::gyro ? cell.at.w_b : cell.at.f_b;
   return c.unit * (c.quantity == Quantity::bias ? 1.0 : input[c.from]);
@@ -199,19 +201,6 @@ std::vector<Functions> all_functions(const Pieces& pieces, const Epochs& epochs)
   all.push_back(of_each(epochs.turn, {all_of(Driver::rate, all.back().blocks)}));
   all.back().write = [](const ErrorCell& c, Eigen::Ref<VectorXd> v) { v[0] = c.turns ? 1.0 : 0.0; };
   return all;
-}
-
-// Adds what so much of a reading, of each column, does to the coordinates of the cell's piece (columns x piece_dims).
-void place(const ErrorCell& cell, int reading, const VectorXd& size, MatrixXd& to) {
-  if (!cell.turns) {
-    to.col(reading) += size;
-    return;
-  }
-  const int axis = reading % 3;
-  for (int d = 0; d < 3; ++d) {
-    if (reading < 3) to.col(6 + d) += cell.pushed(d, axis) * size;
-    to.col(9 + d) += (reading < 3 ? cell.fallen : cell.pushed)(d, axis) * size;
-  }
 }
 
 template <class Visit>  // of every cell of a piece
@@ -384,8 +373,13 @@ namespace {
 
 class Table {
  public:
-  Table(const Pieces& pieces, const NoiseModel& noise, const Parameters& fit, const std::vector<int>& columns)
-      : pieces_(pieces), epochs_(epochs_of(pieces)), grades_(grades_of(noise)), taken_up_(pieces, fit, columns) {
+  Table(const PieceSystem& system, const Pieces& pieces, const NoiseModel& noise, const Parameters& fit,
+        const std::vector<int>& columns)
+      : system_(system),
+        pieces_(pieces),
+        epochs_(epochs_of(pieces)),
+        grades_(grades_of(noise)),
+        taken_up_(pieces, fit, columns) {
     for (const ErrorCell& cell : pieces.cells) length_s_ = std::max(length_s_, cell.at.time_s);
     if (pieces.cells.empty()) return;
     fitted_ = pieces.cells[pieces.fitted_cells - 1].at.recording + 1;
@@ -449,11 +443,11 @@ class Table {
             const std::size_t cell = pieces_.pieces[k].rest_cell;
             return own && cell >= pieces_.fitted_cells ? wide * (pieces_.cells[cell].at.recording - fitted_ + 1) : 0;
           },
-          [&](std::size_t c, const ErrorCell&, const auto& add) {
-            for (int reading = 0; reading < 6; ++reading) {
-              const VectorXd size = readings[c].row(reading).segment(Eigen::Index(begin), wide);
-              if (!size.isZero(0.0)) add(reading, size);
-            }
+          [&](std::size_t c, const ErrorCell&, const auto& add, MatrixXd& jumps) {
+            const auto of = readings[c].middleCols(Eigen::Index(begin), wide);
+            for (int reading = 0; reading < 6; ++reading)
+              if (const VectorXd size = of.row(reading); !size.isZero(0.0)) add(reading, size, of.row(12 + reading));
+            jumps += of.middleRows<6>(6).transpose();
           });
       for (std::size_t k = begin; k < end; ++k) {
         table_.basis_of_effect[k] = basis;
@@ -462,36 +456,44 @@ class Table {
     }
   }
 
-  UnderNoise take(const PieceSystem& system) {
+  UnderNoise take() {
     const auto table = std::make_shared<TermTable>(std::move(table_));
-    UnderNoise under = {&system, table, system.blocks(table->bases)};
+    UnderNoise under = {&system_, table, system_.blocks(table->bases)};
     add_effect_terms(under, *table);
     return under;
   }
 
  private:
   bool by_hand() const { return !pieces_.responses.empty(); }
-  // Of `columns`, of which a piece has `mine` from first(piece) on. each(cell number, cell, add) adds its readings: add(reading, of each of mine).
+  // Of `columns`, of which a piece has `mine` from first(piece) on. each(cell number, cell, add, jumps) adds its readings, add(reading, of each
+  // of mine), and in a turn what they do to psi and v (mine x 6).
   template <class First, class Each>
   std::size_t add_basis(Eigen::Index columns, Eigen::Index mine, First first, Each each) {
     Weights weights;
     weights.columns = columns;
     weights.mine = mine;
-    MatrixXd rows, piece(mine, piece_dims);
+    if (!by_hand()) weights.pull.setZero(columns);
+    MatrixXd rows, piece(mine, piece_dims), jumps(mine, 6);
     if (by_hand()) rows.setZero(pieces_.responses.front().rows(), columns);
     TakenUp::Sums sums(std::size_t(columns), Eigen::Matrix<double, 4, 6>::Zero());
     for (std::size_t k = 0; k < pieces_.pieces.size(); ++k) {
       const Eigen::Index begin = first(k);
       piece.setZero();
+      jumps.setZero();
       each_cell(pieces_, k, [&](std::size_t c, const ErrorCell& cell) {
-        each(c, cell, [&](int reading, const VectorXd& size) {
-          if (by_hand())
-            rows.middleCols(begin, mine).noalias() += pieces_.responses[c].col(reading) * size.transpose();
-          else
-            place(cell, reading, size, piece);
-          if (c < pieces_.fitted_cells) TakenUp::add(cell, reading, size, begin, sums);
-        });
+        each(
+            c, cell,
+            [&](int reading, const VectorXd& size, const VectorXd& slope) {
+              if (by_hand())
+                rows.middleCols(begin, mine).noalias() += pieces_.responses[c].col(reading) * size.transpose();
+              else if (!cell.turns)
+                piece.col(reading) += size;
+              if (!by_hand()) weights.pull.segment(begin, mine) += system_.pull(c)[reading] * slope;
+              if (c < pieces_.fitted_cells) TakenUp::add(cell, reading, size, begin, sums);
+            },
+            jumps);
       });
+      piece.rightCols<6>() = jumps;
       if (!by_hand()) weights.add(begin, piece);
     }
     table_.bases.push_back(by_hand() ? Weights::of_rows(rows) : std::move(weights));
@@ -517,17 +519,22 @@ class Table {
   // Side by side: column = function * channels + channel.
   std::size_t add_basis(const std::vector<Channel>& channels, const Functions& f) {
     const auto wide = Eigen::Index(channels.size());
-    VectorXd size = VectorXd::Zero(f.count * wide);
+    VectorXd size = VectorXd::Zero(f.count * wide), slope = size;
     const auto first = [&](std::size_t k) {
       return f.block_of ? f.block_of(pieces_.cells[pieces_.pieces[k].rest_cell]) * f.count * wide : 0;
     };
     return add_basis(f.blocks * f.count * wide, f.count * wide, first,
-                     [&](std::size_t number, const ErrorCell& cell, const auto& add) {
+                     [&](std::size_t number, const ErrorCell& cell, const auto& add, MatrixXd& jumps) {
                        for (std::size_t c = 0; c < channels.size(); ++c) {
+                         const auto own = Eigen::seqN(Eigen::Index(c), f.count, wide);
+                         const auto values = f.values.col(Eigen::Index(number));
                          size.setZero();
-                         size(Eigen::seqN(Eigen::Index(c), f.count, wide)) =
-                             size_of(channels[c], cell) * f.values.col(Eigen::Index(number));
-                         add(reading_of(channels[c]), size);
+                         slope.setZero();
+                         size(own) = size_of(channels[c], cell) * values;
+                         slope(own) = slope_of(channels[c]) * values;
+                         const int reading = reading_of(channels[c]);
+                         add(reading, size, slope);
+                         if (cell.turns) jumps += size * cell.jump.col(reading).transpose();
                        }
                      });
   }
@@ -632,6 +639,7 @@ class Table {
     return usual_ppm * grade;
   }
 
+  const PieceSystem& system_;
   const Pieces& pieces_;
   const Epochs epochs_;
   const Grades grades_;
@@ -648,10 +656,10 @@ class Table {
 UnderNoise make_terms(const PieceSystem& system, const Pieces& pieces, const std::vector<EffectColumn>& effects,
                       const std::vector<Readings>& readings, const NoiseModel& noise, const Parameters& fit,
                       const std::vector<int>& columns) {
-  Table table(pieces, noise, fit, columns);
+  Table table(system, pieces, noise, fit, columns);
   table.add_patterns();
   table.add_effects(effects, readings);
-  return table.take(system);
+  return table.take();
 }
 
 }  // namespace turncal

@@ -59,8 +59,9 @@ struct UnderNoise {
 // Does the recording tell this effect (of TermTable::effects) from the parameters?
 bool is_seen(const UnderNoise& under, std::size_t effect);
 
-using Readings = Eigen::Matrix<double, 6, Eigen::Dynamic>;  // gyros, accelerometers
-// `readings`: of every cell what one unit of each effect's column adds, 6 x effects.
+// Of a cell, what one unit of each effect adds: to the readings of gyros and accelerometers, and in a turn to psi and v by its end. And how much
+// more, by each of the readings itself.
+using Readings = Eigen::Matrix<double, 18, Eigen::Dynamic>;
 // `fit`: of the parameters `columns` of [24, effects].
 UnderNoise make_terms(const PieceSystem& system, const Pieces& pieces, const std::vector<EffectColumn>& effects,
                       const std::vector<Readings>& readings, const NoiseModel& noise, const Parameters& fit,

@@ -84,6 +84,9 @@ struct TakenOff {
   Eigen::Vector3d push_mps = Eigen::Vector3d::Zero();
 };
 
+// What readings of gyros and accelerometers that are too large by a constant add to psi and v (n frame) by the end of a block, or later.
+using JumpByReadings = Eigen::Matrix<double, 6, 6>;
+
 // One block as the filter linearised it: with these the same filter can be run backward.
 struct FilterStep {
   std::size_t block = 0;
@@ -93,6 +96,7 @@ struct FilterStep {
   double rho = 1.0;                                    // decay of b_g, b_a over the block
   Eigen::Vector3d rotation = Eigen::Vector3d::Zero();  // of the block, body frame, rad
   Eigen::Matrix3d turn_n, F, C_mid;                    // see linear_motion.h
+  JumpByReadings jump;
   // observed: gain of (psi, v, b_g, b_a), innovation, its inverse covariance, its derivatives (a row a column of the pass)
   Eigen::Matrix<double, 12, 3> K = Eigen::Matrix<double, 12, 3>::Zero();
   Eigen::Vector3d nu = Eigen::Vector3d::Zero();

@@ -170,7 +170,16 @@ BlockMotion LinearMotion::block_motion(std::size_t index) {
   return motion;
 }
 
-// What the parameters do to (psi, v) over a block. Of effects: a x b for rows a is a * skew(b), b x a is -a * skew(b).
+// Up to second order of the rotation; psi turns v with the force that was read.
+JumpByReadings LinearMotion::jump_by_readings(const BlockMotion& motion, double t) const {
+  JumpByReadings jump = JumpByReadings::Zero();
+  jump.topLeftCorner<3, 3>() = t * linear_C_nb_ * left_jacobian(motion.rotation);
+  jump.bottomLeftCorner<3, 3>() = -0.5 * t * linear_C_nb_ * skew(motion.velocity);
+  jump.bottomRightCorner<3, 3>() = t * linear_C_nb_ * (Matrix3d::Identity() + 0.5 * skew(motion.rotation));
+  return jump;
+}
+
+// What the parameters do to (psi, v) over a block. What an effect is said to read is taken off.
 void LinearMotion::move_columns(const Block& block, const BlockMotion& motion, const Matrix3d& turn_n,
                                 LinearInterval& interval) {
   const double t = block.duration_s;
@@ -185,12 +194,10 @@ void LinearMotion::move_columns(const Block& block, const BlockMotion& motion, c
   add_product(base_.velocity, to_n, interval.B_v.topRows<parameter_count>());
   const int n = effects_.columns;
   if (n == 0) return;
-  const Matrix3d psi_turned = -t * rotate;
-  const Matrix3d v_turned = -0.5 * t * skew(motion.velocity) * to_n;
-  const Matrix3d v_pushed = t * (0.5 * skew(motion.rotation) - Matrix3d::Identity()) * to_n;
-  add_product(turned_, psi_turned, interval.B_psi.bottomRows(n));
-  add_product(turned_, v_turned, interval.B_v.bottomRows(n));
-  add_product(pushed_, v_pushed, interval.B_v.bottomRows(n));
+  const JumpByReadings less = -jump_by_readings(motion, t).transpose();
+  add_product(turned_, less.topLeftCorner<3, 3>(), interval.B_psi.bottomRows(n));
+  add_product(turned_, less.topRightCorner<3, 3>(), interval.B_v.bottomRows(n));
+  add_product(pushed_, less.bottomRightCorner<3, 3>(), interval.B_v.bottomRows(n));
 }
 
 // And to the mean velocity over a block at rest, which move_columns() has seen.
@@ -281,7 +288,7 @@ void LinearMotion::rest(LinearInterval& interval) {
     move_columns(block, motion, turned.turn_n, interval);
     mean_columns(motion, linear_C_nb_.transpose(), t, interval);
   }
-  keep_step(interval.block, motion.rotation, turned.turn_n, linear.C_mid, t);
+  keep_step(interval.block, motion, turned.turn_n, linear.C_mid, t);
   if (setup_.keep_steps) {
     steps.back().begins_chain = interval.begins_chain;
     steps.back().begins_recording = interval.begins_recording;
@@ -291,16 +298,17 @@ void LinearMotion::rest(LinearInterval& interval) {
   v_ += move.dv_n;
 }
 
-void LinearMotion::keep_step(std::size_t index, const Vector3d& rotation, const Matrix3d& turn_n, const Matrix3d& C_mid,
-                             double t) {
+void LinearMotion::keep_step(std::size_t index, const BlockMotion& motion, const Matrix3d& turn_n,
+                             const Matrix3d& C_mid, double t) {
   if (!setup_.keep_steps) return;
   FilterStep step;
   step.block = index;
   step.rho = setup_.noise.has_bias_instability() ? std::exp(-t / setup_.noise.bias_correlation_s) : 1.0;
-  step.rotation = rotation;
+  step.rotation = motion.rotation;
   step.turn_n = turn_n;
   step.F = F_;
   step.C_mid = C_mid;
+  step.jump = jump_by_readings(motion, t);
   steps.push_back(std::move(step));
 }
 
@@ -342,7 +350,7 @@ void LinearMotion::turn(LinearInterval& interval) {
       n.psi_psi = T * n.psi_psi * T.transpose() + q.psi_psi;
     }
     if (p_ > 0) move_columns(block, motion, turned.turn_n, interval);
-    keep_step(index_, motion.rotation, turned.turn_n, linear.C_mid, t);
+    keep_step(index_, motion, turned.turn_n, linear.C_mid, t);
     C_nb_ = attitude_step(C_nb_, turned).C_end;
     linear_C_nb_ = linear.C_end;
     v_ += move.dv_n;

@@ -181,7 +181,8 @@ class LinearMotion {
   void mean_columns(const BlockMotion& motion, const Eigen::Matrix3d& to_n, double t, LinearInterval& interval);
   void begin(std::size_t index, LinearInterval& interval) const;
   StepTurn step_turn(const BlockMotion& motion, double t);
-  void keep_step(std::size_t index, const Eigen::Vector3d& rotation, const Eigen::Matrix3d& turn_n,
+  JumpByReadings jump_by_readings(const BlockMotion& motion, double t) const;
+  void keep_step(std::size_t index, const BlockMotion& motion, const Eigen::Matrix3d& turn_n,
                  const Eigen::Matrix3d& C_mid, double t);
 
   const CompressedRecording& recording_;
