@@ -142,6 +142,10 @@ PiecewiseView view_in_pieces(const CompressedRecording& recording, const JointRe
   // Before the first rest nothing is navigated.
   view.states.insert(view.states.begin(), pass.steps.front().block, BlockState{});
   view.states.resize(view.recording.blocks.size());
+  // At rest the unit turns with the earth: what the gyros measure has noise, which the velocities to be explained share.
+  const Eigen::Vector3d earth = earth_rate_n(recording.info.latitude_deg);
+  for (const FilterStep& step : pass.steps)
+    if (step.observed) view.states[step.block].w_b = view.states[step.block].C_nb.transpose() * earth;
   view.pieces = cut_into_pieces(view.recording, pass.steps, view.states);
   if (!view.pieces.pieces.empty() && !view.columns.empty())
     view.system = std::make_unique<PieceSystem>(view.recording, pass, fit.parameters, noise, view.columns, view.pieces);

@@ -166,10 +166,7 @@ Pieces cut_into_pieces(const CompressedRecording& recording, const std::vector<F
     result.pieces.back().last_step = k;
     result.pieces.back().end_s = begin + block.duration_s;
     result.cell_of_block[index] = int(result.cells.size()) - 1;
-    // At rest the unit turns with the earth: what the gyros measure has noise, which the velocities to be explained share.
-    BlockState still = state;
-    still.w_b = state.C_nb.transpose() * earth_rate_n(recording.info.latitude_deg);
-    add(still, result.cells.back());
+    add(state, result.cells.back());
   }
   if (!result.pieces.empty()) divide(result.cells.back());
   result.epochs = result.pieces.empty() ? 0 : epoch + 1;

@@ -488,7 +488,8 @@ class Table {
                 rows.middleCols(begin, mine).noalias() += pieces_.responses[c].col(reading) * size.transpose();
               else if (!cell.turns)
                 piece.col(reading) += size;
-              if (!by_hand()) weights.pull.segment(begin, mine) += system_.pull(c)[reading] * slope;
+              const bool noisy = cell.turns || reading >= 3;  // a gyro's column at rest is of the earth's rate
+              if (!by_hand() && noisy) weights.pull.segment(begin, mine) += system_.pull(c)[reading] * slope;
               if (c < pieces_.fitted_cells) TakenUp::add(cell, reading, size, begin, sums);
             },
             jumps);

@@ -174,7 +174,7 @@ TEST(Statements, HaveAReasonWhereNoBranchIsSaid) {
 // by a thousandth of a scale factor's error moves the odds of two that are nearly alike by many sigma.
 TEST(Evidence, SaysOfWhatActsInTurnsWhatTheFilterSays) {
   RigConfig config = unit(14);
-  config.effects.gyro_rate_nonlinearity = {1000.0, 0.0, 0.0};
+  config.effects.gyro_rate_nonlinearity = {3000.0, 0.0, 0.0};
   const CompressedRecording recording = record_on_rig(fourteen_steps(), config).recording;
   JointOptions options;
   options.fit_bias_instability = false;
@@ -201,10 +201,10 @@ TEST(Evidence, SaysOfWhatActsInTurnsWhatTheFilterSays) {
     const PieceSystem::Block& block = under.blocks[table.basis_of_effect[k]];
     const int own = table.column_of_effect[k];
     EXPECT_NEAR(1.0 / std::sqrt(block.Q(own, own)), sigma, 0.01 * sigma);
-    EXPECT_NEAR(block.s[own] / std::sqrt(block.Q(own, own)), z, 0.1 + 0.01 * std::abs(z));
+    EXPECT_NEAR(block.s[own] / std::sqrt(block.Q(own, own)), z, 0.25 + 0.01 * std::abs(z));  // rests are coarser
     largest = std::max(largest, std::abs(z));
   }
-  EXPECT_GT(largest, 3.0);
+  EXPECT_GT(largest, 10.0);
 }
 
 }  // namespace
