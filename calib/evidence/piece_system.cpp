@@ -320,7 +320,8 @@ MatrixXd Weights::products(const MatrixXd& y) const {
 }
 
 // An observation is as wrong as its coordinate, and the residual is prediction less observation.
-PieceSystem::PieceSystem(const MatrixXd& derivatives, const VectorXd& residuals, double log_variance) {
+PieceSystem::PieceSystem(const MatrixXd& derivatives, const VectorXd& residuals, double log_variance)
+    : floor_(rounding) {
   A_ = derivatives.transpose() * derivatives;
   gradient_ = derivatives.transpose() * residuals;
   misfit_ = residuals.squaredNorm() + log_variance;
@@ -358,15 +359,20 @@ PieceSystem::PieceSystem(const CompressedRecording& recording, const FilterResul
   for (const Vector6& of_cell : pull_) all += of_cell;
   constexpr std::array<int, 6> scale_factors = {6, 10, 14, 15, 19, 23};
   const ParameterVector values = to_vector(parameters);
+  VectorXd pull = VectorXd::Zero(gradient_.size());
   for (std::size_t k = 0; k < columns.size(); ++k)
     if (const auto at = std::ranges::find(scale_factors, columns[k]); at != scale_factors.end())
-      gradient_[Eigen::Index(k)] -= all[at - scale_factors.begin()] / values[columns[k]];
+      pull[Eigen::Index(k)] = all[at - scale_factors.begin()] / values[columns[k]];
+  gradient_ -= pull;
   eliminate_parameters();
+  const double largest = (A_inverse_ * pull).cwiseAbs2().cwiseQuotient(A_inverse_.diagonal()).maxCoeff();
+  floor_ = std::max(rounding, largest * std::min(1.0, largest));
 }
 
 PieceSystem::PieceSystem(const PieceSystem& first, const PieceSystem& second, const std::vector<Eigen::Index>& own)
     : states_(first.states_),
       misfit_(first.fixed_misfit() + second.fixed_misfit()),
+      floor_(first.floor_),
       links_(first.links_),
       pull_(first.pull_) {
   pull_.insert(pull_.end(), second.pull_.begin(), second.pull_.end());
@@ -543,7 +549,7 @@ std::vector<PieceSystem::Block> PieceSystem::blocks(const std::vector<Weights>& 
     block.before = block.Q.diagonal();
     block.Q.noalias() -= by_parameters.transpose() * block.shift;
     block.Q = (0.5 * (block.Q + block.Q.transpose())).eval();
-    block.Q.diagonal() += rounding * block.before;
+    block.Q.diagonal() += floor_ * block.before;
   }
   return result;
 }

@@ -10,7 +10,7 @@
 // and a unit of a coordinate moves the fit by A^-1 R'. Between two pieces the state carries the information, so Q is never whole: with
 // E = d(state where the next piece begins) / d(coordinates), M the state's transition, G = information of (state, coordinates),
 //   I_ab = E_a' M_(a+1)' ... M_(b-1)' G_b for a < b.
-// Not modelled: errors in blocks at rest that are not observed; what varies within a cell.
+// Not modelled: errors in blocks at rest that are not observed; what varies within a cell at rest, and of patterns in turns.
 #pragma once
 
 #include <array>
@@ -153,7 +153,10 @@ class PieceSystem {
     Eigen::MatrixXd M;
   };
   int states_ = 6;  // psi, v; with bias instability b_g, b_a
-  double misfit_ = 0.0, floor_ = 0.0;
+  double misfit_ = 0.0;
+  // Of a column's information, which is not known better. Pulls are taken off to first order: where the parameters are pulled by x sigma, by x
+  // of themselves they may be other ones, and by no more than themselves.
+  double floor_ = 0.0;
   std::vector<Link> links_;  // of each piece, to the next
   std::vector<Eigen::Matrix<double, 6, 1>> pull_;
   Eigen::VectorXd s_;
