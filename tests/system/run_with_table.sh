@@ -7,5 +7,5 @@ work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
 sed '/^step 5/,$d' "$here/sequences/short_demo.seq" > "$work/four.seq"  # the steps that determine everything
 "$here/scripts/over-the-wire" --table "$1" --line "$2" --sequence "$work/four.seq" --out "$work/out"
-grep -q '^\[simulated\] unit TWIN: [0-9]* samples, 0 lost, 0 duplicates, 0 strays, 0 flagged, 0 bad frames, 0 resyncs; .* ppm (+- .*), largest arrival delay' \
+grep -q '^\[simulated\] unit TWIN: [0-9]* samples, 0 lost, 0 duplicates, 0 strays, 0 flagged, 0 bad frames, 0 resyncs; .* +- [0-9.]* ppm, largest arrival delay' \
   "$work/out/wire/run.log" || { echo "FAILED: the log says of the unit's line:" >&2; grep '^.simulated. unit ' "$work/out/wire/run.log" >&2; exit 1; }
