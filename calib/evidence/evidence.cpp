@@ -13,11 +13,7 @@ namespace {
 // By how much more an effect adds to a reading where that reading is larger.
 void set_slopes(const EffectModel& effects, const BlockState& at, Readings& readings) {
   constexpr double rate_radps = 1e-4, force_mps2 = 1e-2;
-  EffectRegressors here, beside;
-  for (EffectRegressors* of : {&here, &beside}) {
-    of->gyro.setZero(3, effects.columns);
-    of->accel.setZero(3, effects.columns);
-  }
+  EffectRegressors here(effects.columns), beside(effects.columns);
   effects.regressors(at, here);
   for (int axis = 0; axis < 3; ++axis) {
     BlockState faster = at, heavier = at;
@@ -35,9 +31,7 @@ void set_slopes(const EffectModel& effects, const BlockState& at, Readings& read
 std::vector<Readings> readings_of(const EffectModel& effects, const Pieces& pieces,
                                   const std::vector<BlockState>& states) {
   std::vector<Readings> readings(pieces.cells.size(), Readings::Zero(18, effects.columns));
-  EffectRegressors one;
-  one.gyro.setZero(3, effects.columns);
-  one.accel.setZero(3, effects.columns);
+  EffectRegressors one(effects.columns);
   for (std::size_t k = 0; k < states.size(); ++k) {
     if (states[k].duration_s <= 0.0) continue;
     effects.regressors(states[k], one);
@@ -125,9 +119,7 @@ PiecewiseView view_in_pieces(const CompressedRecording& recording, const JointRe
   ++looks_on.columns;
   looks_on.values.conservativeResize(looks_on.columns);
   looks_on.values[of_fit.columns] = 0.0;
-  EffectRegressors inner;
-  inner.gyro.setZero(3, of_fit.columns);
-  inner.accel.setZero(3, of_fit.columns);
+  EffectRegressors inner(of_fit.columns);
   looks_on.regressors = [&](const BlockState& s, EffectRegressors& out) {
     view.states.push_back(s);
     if (of_fit.columns == 0) return;

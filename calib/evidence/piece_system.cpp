@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include "calib/joint/noise_fit.h"
 #include "calib/model/parameters.h"
 #include "calib/statistics/numerics.h"
 
@@ -357,12 +358,11 @@ PieceSystem::PieceSystem(const CompressedRecording& recording, const FilterResul
   walks << noise.angle_random_walk.cwiseAbs2(), noise.velocity_random_walk.cwiseAbs2();
   run(pass, recording, columns, walks, pieces);
   for (const Vector6& of_cell : pull_) all += of_cell;
-  constexpr std::array<int, 6> scale_factors = {6, 10, 14, 15, 19, 23};
   const ParameterVector values = to_vector(parameters);
   VectorXd pull = VectorXd::Zero(gradient_.size());
   for (std::size_t k = 0; k < columns.size(); ++k)
-    if (const auto at = std::ranges::find(scale_factors, columns[k]); at != scale_factors.end())
-      pull[Eigen::Index(k)] = all[at - scale_factors.begin()] / values[columns[k]];
+    if (const auto at = std::ranges::find(scale_factor_parameters, columns[k]); at != scale_factor_parameters.end())
+      pull[Eigen::Index(k)] = all[at - scale_factor_parameters.begin()] / values[columns[k]];
   gradient_ -= pull;
   eliminate_parameters();
   const double largest = (A_inverse_ * pull).cwiseAbs2().cwiseQuotient(A_inverse_.diagonal()).maxCoeff();

@@ -43,8 +43,7 @@ LinearMotion::LinearMotion(const CompressedRecording& recording, const Parameter
   before_.setZero(p_, 3);
   turned_.setZero(effects.columns, 3);
   pushed_.setZero(effects.columns, 3);
-  regressors_.gyro.setZero(3, effects.columns);
-  regressors_.accel.setZero(3, effects.columns);
+  regressors_ = EffectRegressors(effects.columns);
 }
 
 bool LinearMotion::still(std::size_t index) const { return recording_.blocks[index].whole_second; }

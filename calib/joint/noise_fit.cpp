@@ -354,7 +354,6 @@ Eigen::VectorXd pull_of_noise(const CompressedRecording& recording, const Parame
                               const Eigen::MatrixXd& covariance) {
   constexpr double step = 0.01;        // of a variance
   constexpr double negligible = 0.01;  // of a sigma
-  constexpr std::array<int, 6> scales = {6, 10, 14, 15, 19, 23};
   const ParameterVector values = to_vector(parameters);
   const double all = double(std::ranges::count_if(recording.blocks, [](const Block& b) { return b.whole_second; }));
   Eigen::VectorXd pull = Eigen::VectorXd::Zero(parameter_count);
@@ -365,17 +364,17 @@ Eigen::VectorXd pull_of_noise(const CompressedRecording& recording, const Parame
     setup.noise = noise;
     return run_filter(recording, parameters, effects, setup).log_determinant;
   };
-  for (std::size_t k = 0; k < scales.size(); ++k) {
-    const auto found = std::ranges::find(free, scales[k]);
+  for (std::size_t k = 0; k < scale_factor_parameters.size(); ++k) {
+    const auto found = std::ranges::find(free, scale_factor_parameters[k]);
     if (found == free.end()) continue;
     const auto row = found - free.begin();
     const double sigma = std::sqrt(covariance(row, row));
-    const double value = values[scales[k]];
+    const double value = values[scale_factor_parameters[k]];
     if (3.0 * all * sigma < negligible * std::abs(value)) continue;  // were all of S this one's
     if (!log_determinant) log_determinant = pass(at.noise);
     NoiseModel louder = at.noise;
     (k < 3 ? louder.angle_random_walk : louder.velocity_random_walk)[k % 3] *= std::sqrt(1.0 + step);
-    pull[scales[k]] = (pass(louder) - *log_determinant) / step / value;
+    pull[scale_factor_parameters[k]] = (pass(louder) - *log_determinant) / step / value;
   }
   return pull;
 }

@@ -19,6 +19,7 @@
 // Quantisation is not fitted: the pulse is known. What is slower than the recording is not noise here but drift.
 #pragma once
 
+#include <array>
 #include <vector>
 
 #include "calib/joint/joint_filter.h"
@@ -46,6 +47,9 @@ struct NoiseFit {
 NoiseFit fit_noise(const CompressedRecording& recording, const Parameters& parameters, const EffectModel& effects,
                    const FilterSetup& setup, const std::vector<int>& free, const Eigen::VectorXd& ranges,
                    const NoiseFitOptions& options = {});
+
+// n11 n22 n33 a11 a22 a33, of the 24: what the counts of the six sensors are multiplied by.
+inline constexpr std::array<int, 6> scale_factor_parameters = {6, 10, 14, 15, 19, 23};
 
 // What the noise of the counts does to the gradient, to be taken off. Derivatives by a scale factor n hold nu_i / n, nu_i what sensor i's
 // noise makes of the innovations, and E sum N' S^-1 nu = (d log det S / d log s_i) / n with s_i its variance, not 0: scale factors come

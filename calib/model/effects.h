@@ -43,8 +43,11 @@ struct BlockState {
 
 // Writes the regressors of all components: column k of gyro (rad/s) and accel (m/s^2) is one unit of component k.
 struct EffectRegressors {
-  Eigen::Matrix<double, 3, Eigen::Dynamic> gyro;
-  Eigen::Matrix<double, 3, Eigen::Dynamic> accel;
+  explicit EffectRegressors(int columns = 0) : gyro(3, columns), accel(3, columns) {
+    gyro.setZero();
+    accel.setZero();
+  }
+  Eigen::Matrix<double, 3, Eigen::Dynamic> gyro, accel;
 };
 
 struct EffectModel {

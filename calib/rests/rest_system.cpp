@@ -33,8 +33,7 @@ class Builder {
         model_(sensor_model(parameters, recording_.info)),
         unit_(si_per_unit(recording_.info)),
         p_(with_columns ? rest_parameter_count + effects.columns : 0) {
-    regressors_.gyro.setZero(3, effects.columns);
-    regressors_.accel.setZero(3, effects.columns);
+    regressors_ = EffectRegressors(effects.columns);
   }
 
   RestSystem build() {

@@ -189,7 +189,7 @@ Status EffectTerms::of_motion_alone(RecordingSource& source, const ParameterFile
   const auto rate = [&](const Block& b) -> Eigen::Vector3d {
     return sensors.gyro_scale * b.gyro / b.duration_s - sensors.gyro_bias_radps;
   };
-  EffectRegressors regressors;
+  EffectRegressors regressors(model.columns);
   for (std::size_t k = 0; k < blocks.size(); ++k) {
     const Block& block = blocks[k];
     const Block& before = blocks[k > 0 ? k - 1 : k];
@@ -205,8 +205,6 @@ Status EffectTerms::of_motion_alone(RecordingSource& source, const ParameterFile
     s.time_s = recording.middle_s(block);
     s.since_rotation_s = 1e9;
     take_temperature(block, model.reference_temperature_c, s);
-    regressors.gyro.setZero(3, model.columns);
-    regressors.accel.setZero(3, model.columns);
     model.regressors(s, regressors);
     starts_.push_back(block.start_sample);
     terms_.push_back({regressors.gyro * model.values, regressors.accel * model.values});
