@@ -146,10 +146,41 @@ PiecewiseView view_in_pieces(const CompressedRecording& recording, const JointRe
 
 namespace {
 
-NoiseModel less_unstable(NoiseModel noise, double part) {
-  noise.gyro_bias_instability_radps *= part;
-  noise.accel_bias_instability_mps2 *= part;
-  return noise;
+// A noise at which models are weighed, made from the fitted one.
+struct NoiseVariant {
+  double instability = 1.0;  // factor of the bias instabilities of both triads
+  int unstable =
+      -1;  // 0 to 5: this gyro or accelerometer alone has the instability of its triad; -1: all three have it
+  double its_own = 1.0;  // factor of its instability
+  NoiseModel of(NoiseModel noise) const {
+    noise.gyro_bias_instability_radps *= instability;
+    noise.accel_bias_instability_mps2 *= instability;
+    if (unstable >= 0)
+      (unstable < 3 ? noise.unstable_gyros : noise.unstable_accels) = its_own * Eigen::Vector3d::Unit(unstable % 3);
+    return noise;
+  }
+};
+constexpr NoiseVariant stable{.instability = 0.0};
+constexpr double prior_unstable_sensor = 0.01;
+
+// Returns, of each triad with an instability, the most likely variant in which one sensor has it. Sensors of a kind are alike: one that is
+// unstable among stable ones has a defect. The fitted value is common to the three.
+std::vector<NoiseVariant> variants_with_one_unstable(const CompressedRecording& recording, const JointResult& fit) {
+  std::vector<NoiseVariant> all;
+  for (const int triad : {0, 3}) {
+    if (!((triad == 0 ? fit.noise.gyro_bias_instability_radps : fit.noise.accel_bias_instability_mps2) > 0.0)) continue;
+    NoiseVariant best;
+    double least = 1e300;
+    const auto consider = [&](int sensor, double its_own) {
+      const NoiseVariant one = {1.0, sensor, its_own};
+      const PiecewiseView view = view_in_pieces(recording, fit, one.of(fit.noise));
+      if (view.system && view.system->misfit() < least) best = one, least = view.system->misfit();
+    };
+    for (int axis = 0; axis < 3; ++axis) consider(triad + axis, std::sqrt(3.0));
+    for (const double its_own : {1.0, 3.0}) consider(best.unstable, its_own);
+    all.push_back(best);
+  }
+  return all;
 }
 Values without_turn_ons(Values effects) {
   std::erase_if(effects, [](const EstimatedEffect& e) { return is_turn_on(e.column); });
@@ -190,15 +221,14 @@ Evidence weigh_evidence(const CompressedRecording& recording, const JointResult&
   };
   std::vector<JointResult> others;
   for (const CompressedRecording* other : held_out) others.push_back(model_on_holdout(*other, fit, fit.noise));
-  const auto join = [&](const PiecewiseView& view, double part) {
-    const bool tells_terms = part == 1.0;  // they are the same at each noise
+  const auto join = [&](const PiecewiseView& view, const NoiseVariant& variant, bool tells_terms) {
     Together all = {*view.system, view.pieces, {}, {}};
     if (tells_terms) all.readings = readings(view);
     std::vector<Eigen::Index> own;
     for (std::size_t k = 0; k < view.columns.size(); ++k)
       if (view.columns[k] < 6) own.push_back(Eigen::Index(k));
     for (std::size_t k = 0; k < others.size(); ++k) {
-      const PiecewiseView other = view_in_pieces(*held_out[k], others[k], less_unstable(others[k].setup.noise, part));
+      const PiecewiseView other = view_in_pieces(*held_out[k], others[k], variant.of(others[k].setup.noise));
       if (!other.system) continue;
       all.system = PieceSystem(all.system, *other.system, own);
       append(other.pieces, recordings + int(all.taken_off.size()), all.pieces);
@@ -211,19 +241,27 @@ Evidence weigh_evidence(const CompressedRecording& recording, const JointResult&
   Evidence result;
   std::vector<LogWeights> models;
   double most_probable = -1e300;
-  for (const double part : {1.0, 0.0}) {
-    if (part < 1.0 && !fit.noise.has_bias_instability()) break;
-    result.views.push_back(view_in_pieces(recording, fit, less_unstable(fit.noise, part)));
+  std::vector<NoiseVariant> variants = {{}};
+  if (fit.noise.has_bias_instability()) variants.push_back(stable);
+  for (const NoiseVariant& one : variants_with_one_unstable(recording, fit)) variants.push_back(one);
+  for (const NoiseVariant& variant : variants) {
+    result.views.push_back(view_in_pieces(recording, fit, variant.of(fit.noise)));
     PiecewiseView& view = result.views.back();
     result.columns = view.columns;
     if (!view.system) return result;
-    Together all = join(view, part);
+    const bool tells_terms = result.at_each_noise.empty();  // they are the same at each noise
+    Together all = join(view, variant, tells_terms);
     UnderNoise together;
-    if (result.at_each_noise.empty()) {
+    if (tells_terms) {
       together = make_terms(all.system, all.pieces, effects, all.readings, fit.noise, fit.parameters, result.columns);
     } else {
       const auto& table = result.at_each_noise.front().table;
       together = {&all.system, table, all.system.blocks(table->bases)};
+    }
+    if (variant.unstable >= 0) {
+      together.what = {sensor_name(variant.unstable < 3 ? Sensor::gyro : Sensor::accelerometer, variant.unstable % 3),
+                       std::string(to_string(Quantity::bias)), std::string(to_string(Driver::time)), "", 0.0};
+      together.log_prior = std::log(prior_unstable_sensor);
     }
     const TermTable& table = *together.table;
     put_back(taken_off, all.taken_off, table, all.system);
@@ -284,7 +322,7 @@ bool stands_out(const PiecewiseView& view, Eigen::Index first, bool turns_only) 
 }  // namespace
 
 bool last_rest_disagrees(const CompressedRecording& recording, const JointResult& fit) {
-  const PiecewiseView view = view_in_pieces(recording, fit, less_unstable(fit.noise, 0.0));
+  const PiecewiseView view = view_in_pieces(recording, fit, stable.of(fit.noise));
   if (!view.system || view.pieces.pieces.back().turn < last_rest_limits.fewest) return false;
   return stands_out(view, 0, false) || stands_out(view, 6, true);
 }

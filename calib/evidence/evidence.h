@@ -35,7 +35,7 @@ struct Evidence {
 
 // `fit`: of `recording`, which is joined from so many. Effects of the fit other than turn-ons are terms like all others: about them
 // everything is linearised. What is missing may hide in a fitted bias instability, and an instability may look like something missing: models
-// are weighed with all of it and with none of it, where a wander is a term (terms.h).
+// are weighed with all of it, with none of it, where a wander is a term (terms.h), and with that of one sensor alone, which is then said.
 // `held_out`: recordings that the parameters were not fitted to. They have a say in the odds, and none in the values: terms and parameters are
 // common, but for the six biases and what goes with the time of one run. `something`: no name carries what is missing: finer time constants.
 Evidence weigh_evidence(const CompressedRecording& recording, const JointResult& fit, int recordings = 1,

@@ -264,7 +264,7 @@ State with_term(const PieceSystem& system, const TermTable& table, const Next& n
 LogWeights weigh_models(const UnderNoise& under, double elsewhere) {
   const TermTable& table = *under.table;
   auto root = std::make_shared<State>();
-  root->log_weight = -0.5 * under.system->misfit();
+  root->log_weight = under.log_prior - 0.5 * under.system->misfit();
   root->score = under.system->scores();
   for (const PieceSystem::Block& b : under.blocks) {
     root->Q.push_back(b.Q);
@@ -363,6 +363,11 @@ Statements statements_of(const std::vector<UnderNoise>& under, const Posterior& 
     const auto says = [&](const Node& node, double probability) {
       mine.emplace(node, 1.0).first->second *= 1.0 - probability;
     };
+    if (const Statement& w = under[m.noise].what; !w.sensor.empty()) {
+      says({w.sensor, "", "", ""}, 1.0);
+      says({w.sensor, w.quantity, "", ""}, 1.0);
+      says({w.sensor, w.quantity, w.driver, ""}, 1.0);
+    }
     for (const ModelTerm& t : m.terms) {
       const Term& term = under[m.noise].table->terms[std::size_t(t.term)];
       if (term.kind == TermKind::noise) continue;
@@ -401,6 +406,9 @@ NamedEffects named_effects(const std::vector<UnderNoise>& under, const Posterior
   // Names share a branch where one of them may stand for another: of the same sensor and quantity.
   using Branch = std::pair<std::string, std::string>;
   const auto branch = [&](const Term& t) { return Branch{t.what.sensor, t.what.quantity}; };
+  const auto branch_of_noise = [&](const WeighedModel& m) {
+    return Branch{under[m.noise].what.sensor, under[m.noise].what.quantity};
+  };
   std::map<Branch, double> any, by_name;
   std::vector<std::pair<std::set<std::string>, double>> held;  // keys of each model, and its probability
   std::map<std::string, EffectColumn> column_of;
@@ -411,6 +419,7 @@ NamedEffects named_effects(const std::vector<UnderNoise>& under, const Posterior
   };
   for (const WeighedModel& m : posterior.models) {
     std::set<Branch> mine, named;
+    if (branch_of_noise(m) != Branch{}) mine.insert(branch_of_noise(m));
     for (const ModelTerm& t : m.terms) {
       if (term_of(m, t).kind == TermKind::noise) continue;
       mine.insert(branch(term_of(m, t)));
@@ -427,14 +436,19 @@ NamedEffects named_effects(const std::vector<UnderNoise>& under, const Posterior
     bool missing = false, stands = true;
     for (const ModelTerm& t : m.terms)
       if (is_formula(term_of(m, t), t)) mine.insert(branch(term_of(m, t)));
+    const auto has_no_name = [&](const Branch& b) {
+      missing = true;
+      stands = stands && mine.count(b) == 0 && by_name[b] > named_share * any[b];
+    };
+    if (branch_of_noise(m) != Branch{}) has_no_name(branch_of_noise(m));
     for (const ModelTerm& t : m.terms) {
       const Term& term = term_of(m, t);
       if (term.kind == TermKind::noise) continue;
-      missing = true;
       if (!is_formula(term, t)) {
-        stands = stands && mine.count(branch(term)) == 0 && by_name[branch(term)] > named_share * any[branch(term)];
+        has_no_name(branch(term));
         continue;
       }
+      missing = true;
       for (const int c : term.columns) {
         const EffectColumn& column = table.effects[std::size_t(c)];
         const std::string key = column.key();

@@ -337,10 +337,6 @@ MatrixXd side_by_side(const MatrixXd& L, Eigen::Index wide) {
   return all;
 }
 
-std::string sensor_name(Sensor sensor, int axis) {
-  return axis < 0 ? std::string(to_string(sensor)) : std::string(to_string(sensor)) + " " + "xyz"[axis];
-}
-
 Quantity canonical(Sensor sensor, Quantity quantity, Driver driver) {
   if (sensor == Sensor::accelerometer && driver == Driver::force) return Quantity::bias;
   if (sensor == Sensor::gyro && driver == Driver::rate) return Quantity::scale_factor;
@@ -362,6 +358,10 @@ void pattern_prior(double share, double kind, double smaller, Term& term) {
 }
 
 }  // namespace
+
+std::string sensor_name(Sensor sensor, int axis) {
+  return axis < 0 ? std::string(to_string(sensor)) : std::string(to_string(sensor)) + " " + "xyz"[axis];
+}
 
 bool is_seen(const UnderNoise& under, std::size_t effect) {
   const PieceSystem::Block& block = under.blocks[under.table->basis_of_effect[effect]];

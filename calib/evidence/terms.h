@@ -54,7 +54,11 @@ struct UnderNoise {
   const PieceSystem* system = nullptr;
   std::shared_ptr<const TermTable> table;  // may be shared by several
   std::vector<PieceSystem::Block> blocks;  // of each basis
+  Statement what = {};                     // what this noise itself says is missing; no sensor: nothing
+  double log_prior = 0.0;
 };
+
+std::string sensor_name(Sensor sensor, int axis);  // "gyro x"; axis -1: "gyro"
 
 // Does the recording tell this effect (of TermTable::effects) from the parameters?
 bool is_seen(const UnderNoise& under, std::size_t effect);

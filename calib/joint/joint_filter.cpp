@@ -36,6 +36,9 @@ class Filter {
     buffer_.setZero(p_ + 1, 96);
     moments_.setZero(p_ + 1, p_ + 1);
     P_.setZero();
+    const NoiseModel& noise = setup.noise;
+    instability_ << (noise.gyro_bias_instability_radps * noise.unstable_gyros).cwiseAbs2(),
+        (noise.accel_bias_instability_mps2 * noise.unstable_accels).cwiseAbs2();
   }
 
   // `kept`: the interval's one block is an observed rest, and what the update knew of it is wanted.
@@ -78,8 +81,7 @@ class Filter {
           x_.template tail<6>().setZero();
           X_.rightCols(6).setZero();
           P_.template bottomRightCorner<6, 6>().setZero();
-          P_.diagonal().template segment<3>(6).setConstant(std::pow(setup_.noise.gyro_bias_instability_radps, 2));
-          P_.diagonal().template segment<3>(9).setConstant(std::pow(setup_.noise.accel_bias_instability_mps2, 2));
+          P_.diagonal().template tail<6>() = instability_;
         }
         P_.template rightCols<6>().template topRows<6>().setZero();
         P_.template leftCols<6>().template bottomRows<6>().setZero();
@@ -210,9 +212,7 @@ class Filter {
     P_ = moved(i, Covariance(half.transpose()));
     P_.template topLeftCorner<6, 6>() += Q_;
     if constexpr (NS == 12) {
-      const double grow = 1.0 - rho_ * rho_;
-      P_.diagonal().template segment<3>(6).array() += grow * std::pow(setup_.noise.gyro_bias_instability_radps, 2);
-      P_.diagonal().template segment<3>(9).array() += grow * std::pow(setup_.noise.accel_bias_instability_mps2, 2);
+      P_.diagonal().template tail<6>() += (1.0 - rho_ * rho_) * instability_;
     }
     if (p_ > 0) predict_columns(i);
   }
@@ -271,7 +271,8 @@ class Filter {
   const FilterSetup& setup_;
   const std::vector<double>& weights_;
   const WalkNoise walk_;
-  const int p_;  // parameters and effect components
+  const int p_;                              // parameters and effect components
+  Eigen::Matrix<double, 6, 1> instability_;  // variances of b_g, b_a
   bool in_chain_ = false;
   bool was_still_ = false;
   double rho_ = 1.0;            // decay of b_g, b_a over the interval

@@ -18,8 +18,6 @@ struct LackOfFitLimits {
   // with fewer pairs than `fewest_pairs` has a correlation that scatters by a tenth and more.
   int near_lags_s = 5;
   double fewest_pairs = 100.0;
-  // Direction in which a whole fit knows nothing, of a matrix with ones on its diagonal: rounding.
-  double open_direction = 1e-9;
   // Share of pulses in the variance of a second's mean velocity beyond which that axis and second are left out of the innovations'
   // correlation. Calibrated: with these seconds chi2 a degree of clean runs came to 37, without them to 2.5 at most (96 runs).
   double pulse_share = 0.02;

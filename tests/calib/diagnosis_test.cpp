@@ -3,6 +3,7 @@
 #include "calib/evidence/evidence.h"
 #include "calib/statistics/numerics.h"
 #include "tests/calib/diagnosed_unit.h"
+#include "tests/disturbance.h"
 
 namespace turncal {
 namespace {
@@ -84,6 +85,19 @@ TEST(Diagnosis, BiasStepGetsNoName) {
   EXPECT_EQ(d.verdict, Verdict::unexplained);
   EXPECT_TRUE(d.effect_names.empty());
   EXPECT_SAYS(d.unexplained_pattern, "the bias of gyro z changes with time");
+}
+
+// The bias of one accelerometer jumps between two values; a bias instability of all three explains that, too.
+TEST(Diagnosis, OneUnstableSensorAmongStableOnesIsNoNoise) {
+  Made made = make(unit(14));
+  constexpr std::array jumps_s = {700.0, 1130.0, 1900.0, 2310.0, 3170.0, 3900.0, 4450.0, 5330.0};
+  disturb(made.recording, made.truth, on_accel(1, [=](const DisturbedMoment& m) {
+            return (std::ranges::upper_bound(jumps_s, m.time_s) - jumps_s.begin()) % 2 == 0 ? 0.0 : 30.0 * ug;
+          }));
+  const Diagnosis d = diagnose(made.recording);
+  EXPECT_GT(d.base.noise.accel_bias_instability_mps2, 5.0 * ug);
+  EXPECT_EQ(d.verdict, Verdict::unexplained);
+  EXPECT_SAYS(d.unexplained_pattern, "the bias of accelerometer y changes with time");
 }
 
 TEST(Diagnosis, NoiseGivenThreeTimesTooSmallIsANoiseModelVerdict) {
