@@ -1,4 +1,4 @@
-// Little-endian bytes of binary files: appending numbers, and reading them back with every access checked.
+// Little-endian bytes of binary files: functions that append numbers, and a reader that checks every access.
 #pragma once
 
 #include <bit>
@@ -29,7 +29,7 @@ inline void append_bytes(std::vector<std::byte>& out, std::string_view text) {
   if (!text.empty()) std::memcpy(out.data() + place, text.data(), text.size());
 }
 
-// A text after its length (u32).
+// Appends the length (u32), then the text.
 inline void append_text(std::vector<std::byte>& out, std::string_view text) {
   append_bytes(out, std::uint32_t(text.size()));
   append_bytes(out, text);
@@ -43,7 +43,7 @@ requires std::is_arithmetic_v<T> T load_bytes(const std::byte* from) {
   return value;
 }
 
-// For lists of fields that serve both ways: appends each.
+// Appends every field of a list. ByteReader has the same call, so one list of fields serves writing and reading.
 struct ByteWriter {
   std::vector<std::byte>& out;
   template <class... Numbers>
@@ -52,7 +52,7 @@ struct ByteWriter {
   }
 };
 
-// Reads from the front. Once something was missing, good() is false and everything reads as 0.
+// Reads from the front. After a read past the end, good() is false and every read returns 0.
 class ByteReader {
  public:
   explicit ByteReader(std::span<const std::byte> data) : data_(data) {}
@@ -66,7 +66,7 @@ class ByteReader {
   void operator()(Numbers&... numbers) {
     ((numbers = get<Numbers>()), ...);
   }
-  // Empty when there are not as many.
+  // Returns an empty span when fewer bytes are left.
   std::span<const std::byte> get_bytes(std::uint64_t count) {
     if (!good_ || count > data_.size()) {
       good_ = false;
@@ -76,7 +76,7 @@ class ByteReader {
     data_ = data_.subspan(std::size_t(count));
     return result;
   }
-  // As append_text() writes it.
+  // Reads what append_text() wrote.
   std::string get_text() {
     const auto bytes = get_bytes(get<std::uint32_t>());
     return bytes.empty() ? std::string() : std::string(reinterpret_cast<const char*>(bytes.data()), bytes.size());

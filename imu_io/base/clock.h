@@ -1,4 +1,4 @@
-// Time, injected. In a live run it is the machine's; in a dry run it is the rig's, which makes runs reproducible.
+// The injected clock. A live run uses the machine's; a dry run uses the rig's, which makes runs reproducible.
 #pragma once
 
 #include <time.h>
@@ -22,20 +22,19 @@ class Clock {
 
 // "2026-01-31T12:00:00Z"
 std::string format_utc(double utc_s);
-// And back; empty for any other text.
+// Parses what format_utc() writes; empty for any other text.
 std::optional<double> parse_utc(const std::string& text);
-// As tables have it, in UTC: "2026-01-31 12:00:00.04"; with T for the blank, and with Z or an offset as +02:00 behind it, too.
+// Parses a time stamp of a table: "2026-01-31 12:00:00.04", or with T for the blank. Z or an offset such as +02:00 may follow (UTC if none).
 std::optional<double> parse_time_stamp(std::string_view text);
 
-// A point in time by which a wait must be over, on the monotonic clock. For waits on devices; the station's own time is the
-// injected Clock.
+// The machine's monotonic clock, for waits on devices. The station's own time is the injected Clock.
 inline double monotonic_s() {
   timespec now{};
   ::clock_gettime(CLOCK_MONOTONIC, &now);
   return double(now.tv_sec) + 1e-9 * double(now.tv_nsec);
 }
 
-// What poll() tells of one descriptor; 0: nothing in that time; -1: an error. Where RLIMIT_NOFILE is 0, and poll() refuses any, by select().
+// Waits on one descriptor: POLLIN or POLLOUT. Returns revents, 0 on timeout, -1 on error. Uses select() if RLIMIT_NOFILE is 0.
 int wait_ready(int descriptor, short events, int ms);
 
 class Deadline {
@@ -43,7 +42,7 @@ class Deadline {
   explicit Deadline(double seconds) : end_s_(monotonic_s() + std::max(seconds, 0.0)) {}
   double left_s() const { return std::max(end_s_ - monotonic_s(), 0.0); }
   bool passed() const { return left_s() <= 0.0; }
-  // For poll(): rounded up, so that a wait does not turn into a busy loop at its end; at most an hour.
+  // The timeout for poll(): rounded up, so that a wait does not end in a busy loop, and at most an hour.
   int left_ms() const { return int(std::min(std::ceil(1e3 * left_s()), 3.6e6)); }
 
  private:

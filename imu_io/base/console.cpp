@@ -15,10 +15,10 @@
 namespace turncal {
 namespace {
 
-constexpr std::size_t piece = 256;    // of a descriptor that might wait for more room than poll() has seen
-constexpr std::size_t enough = 4096;  // to be written though no line ends, and nobody asked for it
+constexpr std::size_t piece = 256;    // bytes of one write to a blocking descriptor: poll() promises room for no more
+constexpr std::size_t enough = 4096;  // bytes that are written even without a line end or a flush
 
-// A terminal or pipe once more, with flags of its own: those of the descriptor that was given are shared with whoever gave it.
+// Opens the same terminal or pipe again as non-blocking. The flags of the given descriptor are shared with other processes, so they stay.
 int not_waiting(int descriptor) {
   struct stat what {};
   if (::fstat(descriptor, &what) != 0 || !(S_ISFIFO(what.st_mode) || ::isatty(descriptor) == 1)) return -1;
@@ -59,7 +59,7 @@ int Console::sync() {
   return print() ? 0 : -1;
 }
 
-// Whole lines are left out.
+// Only whole lines are dropped.
 void Console::keep(std::string_view text) {
   while (!text.empty()) {
     const std::size_t end = std::min(text.find('\n'), text.size() - 1) + 1;
@@ -97,7 +97,7 @@ bool Console::print() {
   return !failed_;
 }
 
-// Until something can be written, or nobody is waited for any longer.
+// Waits until something can be written; false once the time limit is used up.
 bool Console::waits_for_room() {
   const int to = own_ >= 0 ? own_ : descriptor_;
   const bool limited = Unhindered::ever();
@@ -128,7 +128,7 @@ LinePrefix::int_type LinePrefix::overflow(int_type c) {
   if (traits_type::eq_int_type(c, traits_type::eof())) return traits_type::not_eof(c);
   const char byte = traits_type::to_char_type(c);
   if (at_start_ && byte != '\r') {
-    // No blank at the end of an empty line.
+    // An empty line gets no trailing blank.
     const std::string_view head(prefix_.data(), prefix_.size() - (byte == '\n' && prefix_.back() == ' ' ? 1 : 0));
     const auto size = static_cast<std::streamsize>(head.size());
     if (to_->sputn(head.data(), size) != size) return traits_type::eof();

@@ -1,12 +1,12 @@
-// Standard output and error of a program that may hold a table: nobody who does not read them (Ctrl-S on a terminal, a pipe that is full) holds
-// it up.
+// Standard output and error of a program that may be holding a table. An output that nobody reads (Ctrl-S on a terminal, a full pipe) does not
+// stop the program.
 //
-//   Console out(std::cout, STDOUT_FILENO);         // what is printed to std::cout goes through it while it lives
-//   { const Unhindered now; std::cout << line; }   // waits for nobody; what does not fit is kept, and printed when it does
+//   Console out(std::cout, STDOUT_FILENO);         // while it lives, std::cout prints through it
+//   { const Unhindered now; std::cout << line; }   // never blocks; text that does not fit is buffered and printed later
 //
-// Outside of an Unhindered's life printing waits, as usual; after one for `last_wait_s` at most, together, since what is printed then is the end of a
-// run, and may be nobody's. What is kept has a limit; what is beyond it is left out, and said ("[3 lines were not printed]").
-// Thread-safe by itself; a stream's format flags are not.
+// Without an Unhindered, printing blocks as usual. After the first one, blocking is limited to `last_wait_s` in total: what is printed then is the
+// end of a run, and perhaps nobody reads it. The buffer has a limit; lines beyond it are dropped and counted ("[3 lines were not printed]").
+// Thread-safe, except for the format flags of a stream.
 #pragma once
 
 #include <atomic>
@@ -37,7 +37,7 @@ class Console : private std::streambuf {
   static constexpr double last_wait_s = 5.0;
 
   Console(std::ostream& stream, int descriptor);
-  ~Console() override;  // prints what is left; the stream is as it was
+  ~Console() override;  // prints the rest and restores the stream
   Console(const Console&) = delete;
   Console& operator=(const Console&) = delete;
 
@@ -46,27 +46,27 @@ class Console : private std::streambuf {
   std::streamsize xsputn(const char* text, std::streamsize size) override;
   int sync() override;
   void keep(std::string_view text);
-  bool print();  // false: it cannot be written
+  bool print();  // false: the descriptor cannot be written
   bool waits_for_room();
 
   std::ostream& stream_;
   std::streambuf* was_;
-  int descriptor_, own_ = -1;  // own_: the same terminal or pipe, not waiting; -1: none
+  int descriptor_, own_ = -1;  // own_: the same terminal or pipe opened as non-blocking; -1: none
   std::mutex mutex_;
   std::string kept_;
-  std::size_t left_out_ = 0;  // lines
-  bool in_left_out_ = false;  // the line that is being printed is
+  std::size_t left_out_ = 0;  // lines dropped and not reported yet
+  bool in_left_out_ = false;  // the current line is being dropped
   bool line_wise_ = false, failed_ = false;
   double waited_s_ = 0.0;
 };
 
-// A prefix in front of every line of a stream while this lives: "[dry run] ", so that no line of a simulation passes for a real one.
+// Puts a prefix before every line of a stream while it lives: "[dry run] ", so that no line of a simulation passes for a real one.
 //
 //   const LinePrefix marked(out, "[dry run] ");
 //   out << "one\n\ntwo\n";   // "[dry run] one\n[dry run]\n[dry run] two\n"
 //
-// A line begins after '\n', and after '\r', with which a line is drawn again in place. Empty prefix: the stream is as it was.
-// Within another's life the outer prefix stands first. One thread at a time, as for the stream itself.
+// A line begins after '\n', and after '\r', which redraws a line in place. An empty prefix leaves the stream unchanged.
+// Prefixes nest, the outer one first. Like the stream itself, it is not thread-safe.
 class LinePrefix : private std::streambuf {
  public:
   LinePrefix(std::ostream& out, std::string prefix);

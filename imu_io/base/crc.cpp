@@ -41,7 +41,7 @@ __attribute__((target("sse4.2"))) std::uint32_t crc32c_sse42(std::span<const std
 
 }  // namespace
 
-// The register stands at the top of 32 bits when bits enter there, at the bottom and mirrored when input is reflected.
+// The register is left-aligned in 32 bits; with reflected input it is mirrored and right-aligned.
 Crc::Crc(const CrcParameters& parameters) : parameters_(parameters) {
   const bool mirrored = parameters.reflect_input;
   const auto placed = [&](std::uint32_t value) {

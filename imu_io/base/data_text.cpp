@@ -7,7 +7,7 @@
 namespace turncal {
 namespace {
 
-// Quoted where a text could be mistaken. One that a spreadsheet would take for a formula gets an apostrophe in front.
+// Quotes a text where needed. A text that a spreadsheet would take for a formula gets an apostrophe in front.
 std::string csv_text(std::string text) {
   if (text.find_first_of("=+-@\t\r") == 0) text.insert(0, "'");
   if (text.find_first_of(",\"\r\n") == std::string::npos) return text;
@@ -57,7 +57,7 @@ DataCell::DataCell(std::string_view text) : csv(csv_text(std::string(text))), js
 DataCell DataCell::of_word(std::string_view word) {
   if (word.empty()) return {};
   if (word == "true" || word == "false") return word == "true";
-  // As it stands, so that no digit is lost; JSON has no number that begins with a point or with more than one zero.
+  // The word is kept as written, so that no digit is lost. JSON numbers cannot begin with a point or have leading zeros.
   const std::size_t digit = word.starts_with('-') ? 1 : 0;
   const bool plain = word.size() > digit && word[digit] >= '0' && word[digit] <= '9' && word.back() != '.' &&
                      (word[digit] != '0' || word.size() == digit + 1 || word.find_first_of(".eE") == digit + 1);

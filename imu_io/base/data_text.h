@@ -1,6 +1,6 @@
-// Tables for other programs: JSON (RFC 8259) and CSV (RFC 4180), one writer for every command and page that has them.
+// Tables for other programs, in JSON (RFC 8259) and CSV (RFC 4180). Every command and page uses this one writer.
 //
-// Bytes of a text that are no UTF-8 stand as they are in CSV, and as U+FFFD in JSON.
+// Invalid UTF-8 is copied unchanged to CSV, and becomes U+FFFD in JSON.
 #pragma once
 
 #include <cmath>
@@ -35,7 +35,7 @@ class JsonObject {
   std::string text_ = "{";
 };
 
-// A text, number or flag, as it stands in either form; nothing, and a number that is not finite: null, an empty cell.
+// A text, number or flag in both forms. A missing value or a number that is not finite is an empty cell in CSV and null in JSON.
 struct DataCell {
   DataCell() = default;
   DataCell(std::string_view text);
@@ -48,7 +48,7 @@ struct DataCell {
     else if (std::isfinite(double(value)))
       csv = json = format_number(value);
   }
-  // What reads as a number, true or false is one, and empty is nothing.
+  // Makes a number or a flag of a word that reads as one, nothing of an empty word, else a text.
   static DataCell of_word(std::string_view word);
 
   std::string csv, json = "null";
@@ -60,22 +60,22 @@ class DataTable {
   void row(std::vector<DataCell> cells) { rows_.push_back(std::move(cells)); }  // in the order of the columns
 
   std::string csv() const;
-  std::string json() const;         // an array of objects, a line each
-  std::string json_object() const;  // of a table of keys and values: one object
-  // "csv" or "json".
+  std::string json() const;         // an array of objects, one per line
+  std::string json_object() const;  // one object, from a table of keys and values
+  // `format` is "csv" or "json".
   std::string as(std::string_view format) const { return format == "json" ? json() : csv(); }
 
  private:
   std::vector<std::string> columns_;
   std::vector<std::vector<DataCell>> rows_;
 };
-// Lines `key = value`, as key_value.h reads them, each of one line whatever is in the words.
+// Writes `key = value` lines for key_value.h. Line breaks in a text are replaced, so that each entry stays on one line.
 class KeyValues {
  public:
   explicit KeyValues(std::string_view title = {}) : lines_(title) {}
   void comment(std::string_view words);
   void text(std::string_view key, std::string_view value);
-  void number(std::string_view key, double value);  // no value where it is not finite
+  void number(std::string_view key, double value);  // an empty value if not finite
   void flag(std::string_view key, bool value) { text(key, value ? "true" : "false"); }
   std::string take() { return std::move(lines_); }
 

@@ -16,14 +16,14 @@ using namespace std::string_view_literals;
 
 struct KindRow {
   FileKind kind;
-  std::string_view what, taken;          // taken: {} is the file
-  std::string_view beginning = {};       // its first bytes
-  std::string_view key = {}, also = {};  // of text
+  std::string_view what, taken;          // taken: which command takes it; {} is the file
+  std::string_view beginning = {};       // first bytes of the file
+  std::string_view key = {}, also = {};  // keys that identify a text file
 };
 constexpr std::string_view by_import = "turncal import {} --out DIR takes it";
 constexpr std::string_view by_nothing = "no command takes it";
 
-// In the order of the enumeration.
+// In the order of FileKind.
 constexpr KindRow kind_rows[] = {
     {FileKind::recording, "a recording of turncal", "turncal calibrate, diagnose, apply, navigate and export take it",
      "\x89TCR"},
@@ -64,7 +64,7 @@ constexpr std::string_view also_compressed[] = {"\x1f\x8b", "\x04\x22\x4D\x18", 
 
 const KindRow& row_of(FileKind kind) { return kind_rows[std::size_t(kind)]; }
 
-// The keys of `key = value` text, up to the steps of a sequence; none when a line is something else.
+// Returns the keys of `key = value` text up to the first step of a sequence; none when a line is something else.
 std::vector<std::string_view> keys_of(std::string_view text) {
   std::vector<std::string_view> keys;
   while (!text.empty()) {
@@ -78,7 +78,7 @@ std::vector<std::string_view> keys_of(std::string_view text) {
   return keys;
 }
 
-// Among the first hundred lines one of three numbers or more; others may stand beside them.
+// True when one of the first hundred lines has at least three numbers, which make up at least half of its cells.
 bool has_row_of_numbers(std::string_view text) {
   const auto is_number = [](std::string_view cell) { return device_number(cell, true).has_value(); };
   std::vector<std::string_view> cells;

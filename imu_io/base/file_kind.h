@@ -1,10 +1,10 @@
-// What a file is, by its first bytes: whoever gives a command the wrong one is told what it is and which command takes it.
+// Recognises a file by its first bytes. A command given the wrong file says what it is and which command takes it.
 //
 //   TRY(expect_file(path, FileKind::parameters));
 //   // "log.csv: this is a table of numbers (CSV), expected a parameter file; turncal import log.csv --out DIR takes it"
 //
-// `key = value` text is told by keys that only one kind of it has. Of what is not recognised, or cannot be read, nothing is said: its reader
-// finds what is wrong. No more than the first 64 KiB are looked at.
+// Text of `key = value` lines is recognised by keys that only one kind has. An unrecognised or unreadable file is no error here: its reader
+// reports what is wrong. Only the first 64 KiB are read.
 #pragma once
 
 #include <string>
@@ -15,8 +15,8 @@
 namespace turncal {
 
 enum class FileKind {
-  recording,       // .tcr, or a folder with one or with its text form
-  recording_part,  // of a text form
+  recording,       // .tcr, or a folder with recording.tcr or recording.conf
+  recording_part,  // one file of the text form
   journal,
   statistics,
   parameters,
@@ -24,12 +24,12 @@ enum class FileKind {
   verification,
   station,
   sequence,
-  table_map,  // of import
+  table_map,  // an import map
   frame,
   register_map,
   dialect,
   rig,
-  mcap,     // from here to csv: columns of numbers
+  mcap,     // mcap to csv are tables of numbers
   rosbag2,  // .db3, or a folder with metadata.yaml
   rosbag1,
   npy,
@@ -39,7 +39,7 @@ enum class FileKind {
   database,
   json,
   page,        // HTML, PDF
-  compressed,  // the whole file
+  compressed,  // the file as a whole
   unknown,
 };
 inline bool is_table(FileKind kind) { return kind >= FileKind::mcap && kind <= FileKind::csv; }
@@ -48,7 +48,7 @@ inline bool is_bag(FileKind kind) { return kind >= FileKind::mcap && kind <= Fil
 FileKind recognise_file(const std::string& path);
 FileKind recognise_content(std::string_view head);
 
-// An input error where the file, or the folder, is plainly something else. Of tables: where it is no table at all.
+// Returns an input error when the file or folder is clearly of another kind. Any table of numbers passes for any other.
 Status expect_file(const std::string& path, FileKind wanted);
 
 }  // namespace turncal

@@ -27,8 +27,8 @@ Error error_of(ErrorKind kind, const std::string& path, std::string_view what, i
   return {kind, path + ": " + std::string(what) + ": " + std::strerror(number)};
 }
 
-// A file the user named and that is not there or not readable is a mistake of input; a disk that fails while we work, or a system that has
-// nothing left, is a device that failed.
+// A file named by the user that is missing or unreadable is an input error. A failing disk, or a system that has run out of a resource,
+// is a device error.
 Error system_error(const std::string& path, std::string_view what, int number) {
   constexpr int failed[] = {ENOSPC, EDQUOT, EIO, EMFILE, ENFILE, ENOMEM, EFBIG};
   const bool device = std::ranges::count(failed, number) > 0;
@@ -47,9 +47,9 @@ auto repeat_interrupted(Call call) {
 }
 
 constexpr auto between_tries = std::chrono::milliseconds(20);
-constexpr int most_races = 100;  // with others that make and remove the same file
+constexpr int most_races = 100;  // races with processes that create and remove the same file
 
-// Of another user: to be read is enough for a lock.
+// Another user's file: read access is enough for a lock.
 Result<PosixFile> open_or_make(const std::string& path) {
   if (!path_exists(path)) return PosixFile::create_new(path);
   Result<PosixFile> file = PosixFile::open_to_change(path);
@@ -57,9 +57,9 @@ Result<PosixFile> open_or_make(const std::string& path) {
   return file;
 }
 
-// The process that holds a flock on a file, from the system's table of locks. Nothing: nobody holds it, or the table does not say (a holder
-// on another machine or in another container). `any_device`: also where the table names another device (btrfs); two files of one number
-// are then told apart by nothing.
+// Returns the process that holds a flock() on a file, from /proc/locks. Empty when nobody holds it or the table does not show the holder
+// (on another machine, in another container). `any_device` compares inode numbers only, for file systems whose table names another device
+// (btrfs); two files with the same inode number are then confused.
 std::optional<pid_t> flock_holder(const struct stat& file, bool any_device) {
   const std::string inode = fmt::format(":{}", file.st_ino);
   const std::string place = fmt::format("{:02x}:{:02x}{}", major(file.st_dev), minor(file.st_dev), inode);
@@ -75,7 +75,7 @@ std::optional<pid_t> flock_holder(const struct stat& file, bool any_device) {
 
 }  // namespace
 
-// What we cannot make or change is the storage's fault, unless its name already says that it cannot be.
+// A failure to create or change a file is the storage's, unless the error number says that the name is wrong.
 Error storage_error(const std::string& path, std::string_view what, int number) {
   constexpr int wrong_name[] = {ENOENT, ENOTDIR, EISDIR, EEXIST, EINVAL, ENAMETOOLONG};
   const bool input = std::ranges::count(wrong_name, number) > 0;
@@ -88,7 +88,7 @@ PosixFile& PosixFile::operator=(PosixFile&&) noexcept = default;
 Error PosixFile::failure(std::string_view what) const { return system_error(path_, what, errno); }
 
 Result<PosixFile> PosixFile::open_to_read(const std::string& path) {
-  // Non-blocking, so that a pipe named by mistake cannot hang the program.
+  // Non-blocking, so that a pipe given by mistake cannot block the program.
   const int fd = repeat_interrupted([&] { return ::open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK); });
   if (fd < 0) return system_error(path, "cannot open", errno);
   PosixFile file(fd, path);
@@ -245,9 +245,9 @@ Status check_folder_writable(const std::string& path) {
   const std::string folder = existing_folder_of(path);
   std::error_code error;
   if (!std::filesystem::is_directory(folder, error)) return input_error(folder + ": expected a folder, found a file");
-  // Tried, for permissions do not tell: root may write in /proc, and yet no file can be made there.
+  // Permissions are not enough: root may write in /proc, and yet cannot create a file there.
   std::string probe = folder + "/.turncal.XXXXXX";
-  if (!path_exists(path)) {  // what is to be made first is a folder
+  if (!path_exists(path)) {  // the first thing created will be a folder
     if (::mkdtemp(probe.data()) == nullptr) return storage_error(folder, "no folder can be made there", errno);
     ::rmdir(probe.c_str());
     return {};
@@ -278,7 +278,7 @@ Result<LockFile> LockFile::acquire(const std::string& path, double wait_s) {
   for (int race = 0;; ++race) {
     Result<PosixFile> file = open_or_make(path);
     if (!file) {
-      if (race < most_races && path_exists(folder_of(path))) continue;  // made or removed between two looks
+      if (race < most_races && path_exists(folder_of(path))) continue;  // created or removed between two checks
       return file.error();
     }
     Status locked = file->lock_exclusive();
@@ -297,7 +297,7 @@ std::optional<pid_t> lock_holder(const std::string& path) {
 }
 
 LockFile::~LockFile() {
-  if (file_.is_open()) ::unlink(file_.path().c_str());  // before it lets go
+  if (file_.is_open()) ::unlink(file_.path().c_str());  // before the lock is released
 }
 
 // ---- whole or not there ----
@@ -310,7 +310,7 @@ std::string temporary_name(const std::string& path) {
   static std::atomic<unsigned> counter{0};
   const std::size_t name = path.find_last_of('/') + 1;  // 0 without one
   std::string candidate;
-  // A process with our number may have died and left its temporary: take the next name.
+  // An earlier process with our id may have died and left its temporary: take the next name.
   do {
     candidate = fmt::format("{}.{}.{}.{}.tmp", path.substr(0, name), path.substr(name), ::getpid(), counter++);
   } while (::access(candidate.c_str(), F_OK) == 0);
@@ -332,7 +332,7 @@ Status append_durably(const std::string& path, std::string_view text) {
   const Descriptor fd = ::open(path.c_str(), O_WRONLY | O_CREAT | O_APPEND | O_CLOEXEC, 0644);
   struct stat before {};
   if (fd < 0 || ::fstat(fd, &before) != 0) return storage_error(path, "cannot write", errno);
-  errno = ENOSPC;  // of a write that is short
+  errno = ENOSPC;  // reported for a short write
   if (::write(fd, text.data(), text.size()) == static_cast<ssize_t>(text.size()) && ::fsync(fd) == 0) return {};
   const int why = errno;
   return storage_error(path, ::ftruncate(fd, before.st_size) == 0 ? "cannot write" : "written in part", why);
@@ -349,7 +349,7 @@ Status check_replaceable(const std::string& path, std::string_view beginning) {
 }
 
 Result<AtomicFile> AtomicFile::create(const std::string& path) {
-  // A device or a pipe would be replaced by a file of its name.
+  // Renaming would replace a device or a pipe by a file.
   TRY(check_regular_file(path));
   const std::string temporary = temporary_name(path);
   auto file = PosixFile::create_new(temporary);
@@ -392,7 +392,7 @@ Status AtomicFile::commit() {
   TRY(file_.close());
   if (std::rename(temporary.c_str(), path_.c_str()) != 0)
     return storage_error(path_, "cannot rename the temporary file to it", errno);
-  // From here on the new file is visible: nothing is left to remove.
+  // The new file is visible from here on, so no temporary is left to remove.
   const std::string folder = folder_of(std::exchange(path_, {}));
   return sync_folder(folder);
 }

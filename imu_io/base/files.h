@@ -1,8 +1,8 @@
-// A file descriptor that closes itself, with errors that name path and reason. All reading, writing, syncing and
-// renaming of this folder's formats goes through here.
+// File access for the formats of this folder: reading, writing, syncing, renaming and locking. Errors name the path and the
+// reason.
 //
-// Interrupted calls are repeated; a short write is completed or reported. Movable, not copyable; not for concurrent
-// use.
+// Interrupted calls are repeated; a short write is completed or reported. Files are movable, not copyable, and not
+// thread-safe.
 #pragma once
 
 #include <sys/types.h>
@@ -21,7 +21,7 @@
 
 namespace turncal {
 
-class Descriptor {  // closes itself; -1: none
+class Descriptor {  // closes itself; -1: closed
  public:
   Descriptor(int number = -1) : number_(number) {}
   Descriptor(Descriptor&& other) noexcept : number_(other.release()) {}
@@ -42,29 +42,29 @@ class Descriptor {  // closes itself; -1: none
 class PosixFile {
  public:
   PosixFile() = default;
-  PosixFile(PosixFile&&) noexcept;  // not inline: GCC 12 then warns of what is not so
+  PosixFile(PosixFile&&) noexcept;  // not inline: GCC 12 would give a false warning
   PosixFile& operator=(PosixFile&&) noexcept;
 
-  static Result<PosixFile> open_to_read(const std::string& path);    // a regular file
+  static Result<PosixFile> open_to_read(const std::string& path);    // regular files only
   static Result<PosixFile> create_new(const std::string& path);      // fails when it exists; mode 0644 at most
-  static Result<PosixFile> open_to_change(const std::string& path);  // read and write, must exist
+  static Result<PosixFile> open_to_change(const std::string& path);  // to read and write; it must exist
 
   const std::string& path() const { return path_; }
   bool is_open() const { return fd_ >= 0; }
   Result<std::uint64_t> size() const;
-  // Fills the front of `out` from `offset`; fewer bytes only at the end of the file.
+  // Reads into `out` from `offset`; fewer bytes only at the end of the file.
   Result<std::size_t> read_at(std::uint64_t offset, std::span<std::byte> out) const;
-  Status write_all(std::span<const std::byte> data);  // at the end; an error, as of sync(), where it is not kept
+  Status write_all(std::span<const std::byte> data);  // appends; fails, like sync(), where check_kept() does
   Status write_all(std::string_view text);
   Status seek(std::uint64_t offset);
   Status truncate(std::uint64_t size);
   Status sync();
-  Status lock_exclusive();  // fails at once when another process holds it, and says which; released by close
-  bool is_at(const std::string& path) const;  // false: the name stands for another file now, or for none
-  void renamed(std::string path) { path_ = std::move(path); }  // by whoever calls
-  // An error where it is no longer at its name, or not as long as what was written: somebody moved, replaced, cut or lengthened it.
+  Status lock_exclusive();  // fails at once, naming the holder, when another process has the lock; close() releases it
+  bool is_at(const std::string& path) const;                   // false: `path` is now another file, or none
+  void renamed(std::string path) { path_ = std::move(path); }  // tells the object of a rename that the caller made
+  // Returns an error when the file was moved, replaced, truncated or extended by somebody else.
   Status check_kept() const;
-  Status close();  // reports what a destructor must swallow
+  Status close();  // reports the error that a destructor would swallow
 
  private:
   PosixFile(int fd, std::string path) : fd_(fd), path_(std::move(path)) {}
@@ -72,16 +72,16 @@ class PosixFile {
 
   Descriptor fd_;
   std::string path_;
-  std::uint64_t end_ = 0;  // of what was written, or where seek() went
+  std::uint64_t end_ = 0;  // end of what was written, or the offset of seek()
 };
 
-// A file up to `end`, in a buffer of 1 MiB or as large as the largest piece asked for. The file must outlive it.
+// A read-only view of a file up to `end`, buffered in 1 MiB or in the largest piece requested. The file must outlive it.
 class FileWindow {
  public:
   FileWindow(const PosixFile& file, std::uint64_t end) : file_(file), end_(end) {}
-  // What is buffered from `offset` (at most end()) on: `least` bytes, or all that there are. Until the next call; 64 bytes more can be looked at.
+  // Returns what is buffered from `offset` (<= end()): at least `least` bytes or all that are left, valid until the next call; 64 more may be read.
   Result<std::span<const std::byte>> at(std::uint64_t offset, std::uint64_t least);
-  std::uint64_t end() const { return end_; }  // comes nearer where the file was cut while it was read
+  std::uint64_t end() const { return end_; }  // decreases if the file is truncated while it is read
 
  private:
   const PosixFile& file_;
@@ -90,33 +90,33 @@ class FileWindow {
   std::vector<std::byte> buffer_;
 };
 
-// The whole file; an error above max_bytes.
+// Reads the whole file; an error above max_bytes.
 Result<std::string> read_whole_file(const std::string& path, std::size_t max_bytes = std::size_t{64} << 20);
 bool path_exists(const std::string& path);
-Status make_folder(const std::string& path);  // with its parents; fine when it exists
-// An error when a folder, a device or a pipe stands at this name; none when nothing does.
+Status make_folder(const std::string& path);  // with its parents; no error if it exists
+// Returns an error when a folder, device or pipe has this name; no error when nothing has.
 Status check_regular_file(const std::string& path);
-// The next folder above `path` that is there, or itself.
+// Returns `path` or its nearest parent that exists.
 std::string existing_folder_of(const std::string& path);
-// Makes something there for a try, and removes it.
+// Checks by creating something there and removing it.
 Status check_folder_writable(const std::string& path);
-// "path: what: reason" of a failure to make or change something: the storage failed (kind device), or the name was wrong (input).
+// Returns "path: what: reason" for a failure to make or change a file. The kind is device if the storage failed, input if the name is wrong.
 Error storage_error(const std::string& path, std::string_view what, int number);
 Status sync_folder(const std::string& folder);
-std::string folder_of(const std::string& path);  // "." when path names none
+std::string folder_of(const std::string& path);  // "." when there is no '/' in path
 
-// A lock between processes: flock on a file that is there for that alone. The system lets go of it when its holder ends, however that
-// was, so a file that is left over holds nobody up. Of two threads or objects of one process the second is refused, too.
+// A lock between processes: flock() on a file that exists only for it. The kernel releases the lock when the holder ends in any way,
+// so a file left behind blocks nobody. A second thread or object of the same process is refused, too.
 //
 //   Result<LockFile> lock = LockFile::acquire(folder + "/.lock");   // "...: in use by another process (4711)"
 //
-// The file is taken away with the lock. Whoever opened it before that finds that the name stands for another file, and begins anew.
-// Not for a folder of another machine whose file system has no flock; the error says so.
+// The file is removed with the lock. A process that had opened the file before sees that the name is another file now, and tries again.
+// Not for network file systems without flock(); the error says so.
 class LockFile {
  public:
   static constexpr double change_s =
-      5.0;  // wait_s for a lock that is held while a file is changed, which takes milliseconds
-  // Made when it is missing (its folder must be there). Waits for wait_s at most while another holds it.
+      5.0;  // wait_s for a lock that is held only while a file is changed, which takes milliseconds
+  // Creates the file if it is missing (its folder must exist). Waits at most wait_s while another process holds the lock.
   static Result<LockFile> acquire(const std::string& path, double wait_s = 0.0);
   LockFile(LockFile&& other) noexcept = default;
   LockFile& operator=(LockFile&&) = delete;
@@ -127,16 +127,16 @@ class LockFile {
   PosixFile file_;
 };
 
-// The process that holds it now, from the system's table of locks: who looks on does not lock, so that nobody is refused on its
-// account. Nothing: nobody holds it, or the table cannot be read. Not for file systems whose table names another device (btrfs).
+// Returns the process that holds the lock, from /proc/locks. It takes no lock itself, so it never blocks anybody. Empty when nobody
+// holds it or the table cannot be read. Not for file systems whose table names another device (btrfs).
 std::optional<pid_t> lock_holder(const std::string& path);
 
-// ---- whole or not there ----
+// ---- atomic writes ----
 
-// Writes a file so that nobody ever sees half of it: to a temporary name in the same folder, synced, renamed, folder
-// synced. Until commit() the old file, if any, stays as it was; without commit() the temporary is removed.
+// Writes a file so that nobody ever sees half of it: it writes to a temporary name in the same folder, syncs, renames and syncs
+// the folder. Until commit() the old file, if any, stays; without commit() the temporary is removed.
 //
-// A process that is killed can leave `.<name>.<pid>.<n>.tmp` behind; nothing reads those names.
+// A killed process can leave `.<name>.<pid>.<n>.tmp` behind; nothing reads those names.
 class AtomicFile {
  public:
   static Result<AtomicFile> create(const std::string& path);
@@ -146,7 +146,7 @@ class AtomicFile {
 
   // Buffered. The first failure is returned and makes commit() fail.
   Status write(std::string_view text);
-  // All that was written is on disk, under the temporary name; what commit() then does needs no room.
+  // Syncs everything written to disk under the temporary name. commit() then needs no more room.
   Status settle();
   Status commit();
 
@@ -160,26 +160,26 @@ class AtomicFile {
   bool failed_ = false;
 };
 
-// On disk when it returns, at the end of a file that is made where there is none; of a text that does not fit nothing stays.
+// Appends to a file, which is created if missing, and syncs it. If the text does not fit, the file is cut back to what it was.
 Status append_durably(const std::string& path, std::string_view text);
 
 Status write_file_atomically(const std::string& path, std::string_view content);
-// All of them or, where one cannot be written (a full disk), none.
+// Writes and syncs all temporaries before it renames the first, so that a full disk leaves every old file as it was.
 struct NamedText {
   std::string path;
   std::string content;
 };
 Status write_files_atomically(const std::vector<NamedText>& files);
 
-// A file named by a user is replaced by one of its own kind only: an input error unless nothing is there, it is empty, or it begins
-// with `beginning` as the new one does. A results database given for its own table would be gone otherwise.
+// Returns an input error unless `path` is free, empty, or begins with `beginning` like the new file. A file named by a user is replaced
+// only by one of its own kind: a typing error must not destroy a results database.
 Status check_replaceable(const std::string& path, std::string_view beginning);
 
-// A free temporary name for `path` in the same folder.
+// Returns a free temporary name for `path` in the same folder.
 std::string temporary_name(const std::string& path);
-// An error that names the file as its user does, and not by its temporary name.
+// Replaces the temporary name in an error by the one that the user knows.
 Error named(Error error, const std::string& temporary, const std::string& path);
-// Renames and syncs the folder.
+// Renames the file and syncs the folder.
 Status rename_durably(const std::string& from, const std::string& to);
 
 }  // namespace turncal

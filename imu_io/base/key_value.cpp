@@ -243,7 +243,7 @@ std::vector<double> KeyValueFile::numbers(std::string_view key, std::size_t coun
     const std::string how_many = count == 0 ? "numbers" : std::to_string(count) + " numbers";
     reject(key, how_many + " separated by commas, each " + describe(range));
   }
-  // As many as were wanted, so that the caller may index before it checks.
+  // Returns the required number of values, so that the caller may index before it checks.
   values.assign(count, no_number);
   return values;
 }
@@ -262,7 +262,7 @@ std::vector<std::string> KeyValueFile::list(std::string_view key) {
 std::size_t KeyTable::place_of(const std::string& key, std::size_t place,
                                std::initializer_list<std::string_view> names) {
   const std::string name = file_.one_of_or(key, names.begin()[place], names);
-  // A defect leaves no name; the caller may go on with any value.
+  // After a defect the word is unknown; the caller may go on with any value.
   const auto at = std::ranges::find(names, name);
   return at == names.end() ? place : std::size_t(at - names.begin());
 }

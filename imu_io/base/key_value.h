@@ -5,13 +5,13 @@
 //   options.note = file.text_or("note", "");
 //   TRY(file.check_all_used());
 //
-// Getters never fail on the spot: the first defect is remembered and the getter returns its default (or NaN, 0, false,
-// "" for a required key). check_all_used() returns that first defect, else the first key that no getter asked for.
-// Until it has returned success the values mean nothing. Every error is one line:
+// Getters do not fail at once: the first defect is remembered, and the getter returns its default (NaN, 0, false or ""
+// for a required key). check_all_used() returns that first defect, else the first key that no getter asked for.
+// The values are valid only once it has succeeded. Every error is one line:
 // `file:line: key 'x' = 'y': expected ...`.
 //
-// Keys: letters, digits, `_`, `-` and `.`; no empty part between dots. A key twice is an error. Values cannot hold `#`
-// or a line break; blanks around them are dropped; a list is separated by commas. LF and CRLF. Not modelled: quoting,
+// Keys consist of letters, digits, `_`, `-` and `.`, with no empty part between dots. A repeated key is an error. Values cannot
+// hold `#` or a line break; blanks around them are dropped; commas separate a list. LF and CRLF. Not modelled: quoting,
 // sections, includes.
 #pragma once
 
@@ -28,12 +28,12 @@
 
 namespace turncal {
 
-// Which numbers a key accepts.
+// The numbers that a key accepts.
 struct NumberRange {
   double min = -std::numeric_limits<double>::infinity();
   double max = std::numeric_limits<double>::infinity();
   bool min_excluded = false;
-  bool or_zero = false;  // 0 switches something off; what is smaller than min and is not 0 is a slip of the pen
+  bool or_zero = false;  // 0 switches something off; any other number below min is a mistake
   bool contains(double x) const { return (or_zero && x == 0.0) || ((min_excluded ? x > min : x >= min) && x <= max); }
 };
 inline constexpr NumberRange any_number{};
@@ -49,26 +49,26 @@ class KeyValueFile {
   static Result<KeyValueFile> parse(std::string_view text, std::string file_name);
 
   const std::string& file_name() const { return file_name_; }
-  std::string beside(const std::string& path) const;  // of a file that a key names: relative to the folder of this one
-  // From here on `key` stands for `name.key` where the file has that. Empty: no more.
+  std::string beside(const std::string& path) const;  // a path named by a key, relative to this file's folder
+  // Makes `key` mean `name.key` wherever the file has that. An empty name ends the scope.
   void set_scope(std::string_view name) { scope_ = name.empty() ? "" : std::string(name) + "."; }
   bool has(std::string_view key) const { return find(key) != nullptr; }
-  std::string name_of(std::string_view key) const;  // as it stands in the file
-  // In file order. Asking for keys does not mark them as used.
+  std::string name_of(std::string_view key) const;  // the key as written in the file
+  // The keys in file order. This does not mark them as used.
   std::vector<std::string> keys() const { return keys_with_prefix(""); }
   std::vector<std::string> keys_with_prefix(std::string_view prefix) const;
 
-  // Required: a missing key is a defect. text() also refuses an empty value.
+  // Getters of required keys: a missing key is a defect. text() also rejects an empty value.
   std::string text(std::string_view key);
   double number(std::string_view key, NumberRange range = any_number);
   std::int64_t integer(std::string_view key, std::int64_t min = std::numeric_limits<std::int64_t>::min(),
                        std::int64_t max = std::numeric_limits<std::int64_t>::max());
   std::string one_of(std::string_view key, std::initializer_list<std::string_view> choices);
-  // count: how many numbers are wanted, 0 for any (an empty list then is one too).
+  // count: how many numbers are required; 0 allows any number of them, also none.
   std::vector<double> numbers(std::string_view key, std::size_t count = 0, NumberRange range = any_number);
   std::vector<std::string> list(std::string_view key);
 
-  // Optional: the default when the key is missing; a value that is there is checked all the same.
+  // Getters of optional keys: the default when the key is missing. A value that is present is always checked.
   std::string text_or(std::string_view key, std::string_view otherwise);
   double number_or(std::string_view key, double otherwise, NumberRange range = any_number) {
     return has(key) ? number(key, range) : otherwise;
@@ -94,15 +94,15 @@ class KeyValueFile {
     return has(key) ? list(key) : otherwise;
   }
 
-  // For the caller's own checks: remembers `file:line: key 'x' = 'y': expected ...` unless there already is a defect.
+  // For the caller's own checks: remembers `file:line: key 'x' = 'y': expected ...` as the first defect, if there is none yet.
   void reject(std::string_view key, std::string_view expected);
-  // The same line as an error to return.
+  // Returns that line as an error.
   Error error_at(std::string_view key, std::string_view expected) const;
   int line_of(std::string_view key) const;             // 0: no such key
-  std::string comment_of(std::string_view key) const;  // after the # of its line
+  std::string comment_of(std::string_view key) const;  // the text after the # of its line
 
-  Status status() const;          // the first defect so far
-  Status check_all_used() const;  // the same, else the first unknown key; a misspelt one before the missing one
+  Status status() const;          // the first defect
+  Status check_all_used() const;  // the first defect, else the first unknown key; the typo before the missing key
 
  private:
   struct Entry {
@@ -113,31 +113,31 @@ class KeyValueFile {
     bool used = false;
   };
   const Entry* find(std::string_view key) const;
-  Entry* use(std::string_view key);                                 // marks as used; nullptr when missing
-  Entry* require(std::string_view key, std::string_view expected);  // the same; missing is a defect
+  Entry* use(std::string_view key);                                 // marks it as used; nullptr if missing
+  Entry* require(std::string_view key, std::string_view expected);  // the same, but a missing key is a defect
 
   std::string file_name_, scope_;
   std::vector<Entry> entries_;
   std::unordered_map<std::string, std::size_t> index_;
   std::optional<Error> first_defect_;
-  std::string missing_;                         // the key whose absence is that defect, if it is one
-  mutable std::vector<std::string> not_there_;  // every key that was asked for in vain
+  std::string missing_;                         // the required key that was missing, if that is the first defect
+  mutable std::vector<std::string> not_there_;  // every key that was asked for and not found
 };
 
-// "a number > 0", "a number between -90 and 90": what messages say after "expected".
+// Returns "a number > 0", "a number between -90 and 90": the text after "expected" in messages.
 std::string describe(NumberRange range);
 
-// The keys of a configuration as a table: one line a key, with the field that it sets and what it accepts.
+// The keys of a configuration as a table: one line per key, with the field that it sets and the values that it accepts.
 //
 //   KeyTable keys(file);
 //   keys.number("motion.settle_s", motion.settle_s, between(0.0, 3600.0));
 //   keys.chosen("link.parity", link.parity, {"none", "even", "odd"});
 //
-// A key that is not in the file leaves its field, which holds the default, as it is. Defects stay with the file. Keys that cannot be
-// missing are asked of KeyValueFile.
+// A key that is not in the file leaves its field at the default. Defects are remembered by the file. Ask KeyValueFile itself for
+// required keys.
 class KeyTable {
  public:
-  // `usual`: the range of the numbers that have none of their own.
+  // `usual`: the range for numbers that are given none.
   explicit KeyTable(KeyValueFile& file, NumberRange usual = any_number) : file_(file), usual_(usual) {}
 
   void number(const std::string& key, double& value, NumberRange range) { value = file_.number_or(key, value, range); }
@@ -152,7 +152,7 @@ class KeyTable {
   }
   void flag(const std::string& key, bool& value) { value = file_.boolean_or(key, value); }
   void text(const std::string& key, std::string& value) { value = file_.text_or(key, value); }
-  // The value is the place of the name: enumerators in the order of `names`, false and true.
+  // The value is the index of the word in `names`: enumerators in their order, or false and true.
   template <class Value>
   void chosen(const std::string& key, Value& value, std::initializer_list<std::string_view> names) {
     value = static_cast<Value>(place_of(key, std::size_t(value), names));
@@ -167,28 +167,28 @@ class KeyTable {
   NumberRange usual_;
 };
 
-// Where the lines of a description (a register map, a dialect, a frame) come from.
+// The source of each line of a description (a register map, a dialect, a frame).
 //
 //   source.manual = Maker, "Title", edition                 names a source
-//   write.stop = 0x50E u32 1000           # [manual]        a line that is taken from it
-//   link.terminator_in = \n               # [guess]         a line for which there is none
-//   axis.heading.unit = 1                 # [yours]         a setting of the station, which claims nothing of the device
+//   write.stop = 0x50E u32 1000           # [manual]        taken from that source
+//   link.terminator_in = \n               # [guess]         no source known
+//   axis.heading.unit = 1                 # [yours]         a setting of the station, no statement about the device
 //
-// More may stand after the bracket. A line without a mark is the word of whoever wrote the file.
+// More text may follow the bracket. A line without a mark rests on its author's word.
 struct LineSource {
   std::string key;
   int line = 0;
-  std::string mark;  // empty: none
+  std::string mark;  // empty: no mark
   bool is_guess() const { return mark == "guess"; }
 };
 
-// Of every key but source.*, which it reads. In a file that names sources a comment that begins with none of them is a defect.
+// Returns the source of every key but source.*. If the file names sources, every comment must begin with one of these marks.
 std::vector<LineSource> read_line_sources(KeyValueFile& file);
 
-// Where on the earth's surface a unit can stand.
+// The places on Earth where a unit can stand.
 inline constexpr NumberRange site_latitude_deg = between(-90.0, 90.0);
 inline constexpr NumberRange site_gravity_mps2 = between(9.7, 9.9);
-// Of a recording, whoever made it: a value outside is a slip of unit or of pen.
+// Gravity in a recording from any origin: a value outside is a wrong unit or a typing error.
 inline constexpr NumberRange recorded_gravity_mps2 = between(9.0, 11.0);
 
 }  // namespace turncal

@@ -14,7 +14,7 @@ constexpr std::size_t checked_header_bytes = record_header_bytes - 4;
 
 std::size_t begin_record(std::vector<std::byte>& out, std::uint32_t magic, std::uint32_t type, std::uint32_t number) {
   const std::size_t begun_at = out.size();
-  constexpr std::uint32_t later = 0;  // length and header checksum: end_record
+  constexpr std::uint32_t later = 0;  // end_record() fills in length and header checksum
   ByteWriter{out}(magic, type, number, later, later);
   return begun_at;
 }
@@ -30,7 +30,7 @@ void end_record(std::vector<std::byte>& out, std::size_t begun_at) {
   append_bytes(out, crc32c(std::span<const std::byte>(header + record_header_bytes, length), header_crc));
 }
 
-// Offset of the next magic at or after `offset`; the end when there is none.
+// Returns the offset of the next magic at or after `offset`, or the end.
 Result<std::uint64_t> RecordScanner::find_magic(std::uint64_t offset) {
   std::byte pattern[4];
   std::memcpy(pattern, &magic_, 4);
@@ -39,7 +39,7 @@ Result<std::uint64_t> RecordScanner::find_magic(std::uint64_t offset) {
     const auto found = std::search(bytes.begin(), bytes.end(), std::begin(pattern), std::end(pattern));
     if (found != bytes.end()) return offset + std::uint64_t(found - bytes.begin());
     if (bytes.size() < 4) break;
-    offset += bytes.size() - 3;  // the magic may straddle two blocks
+    offset += bytes.size() - 3;  // the magic may span two blocks
   }
   return window_.end();
 }
@@ -67,7 +67,7 @@ Result<bool> RecordScanner::next(Record& record) {
     const auto payload = bytes.subspan(record_header_bytes, length);
     const std::uint32_t crc = crc32c(payload, header_crc);
     const std::uint64_t start = position_;
-    position_ += total;  // the header vouches for the length also when the payload is damaged
+    position_ += total;  // the header checksum covers the length, so a damaged payload can be skipped
     if (load_bytes<std::uint32_t>(payload.data() + length) != crc) continue;
     records_dropped_ += number - next_number_;
     bytes_dropped_ += start - good_end_;

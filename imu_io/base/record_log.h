@@ -1,10 +1,10 @@
-// Append-only binary logs: numbered records, each with a checksum of its header and one of the whole, so that a reader
-// tells a torn tail from damage, loses one record to a flipped bit, and says how much it lost.
+// Append-only binary logs of numbered records. The header and the whole record each have a checksum, so that a reader
+// can tell a torn tail from damage, loses only one record to a flipped bit, and knows how much was lost.
 //
 //   record = magic:u32 type:u32 number:u32 length:u32 header_crc:u32  payload:length bytes  crc:u32     little-endian
 //   header_crc = CRC-32C of the first 16 bytes;  crc = CRC-32C of those 16 bytes and the payload
 //
-// Numbers count up from 0 without a hole: a hole is a lost record. The meaning of types is the caller's.
+// Numbers count up from 0 without a gap; a gap means lost records. The caller defines the types.
 #pragma once
 
 #include <cstddef>
@@ -21,7 +21,7 @@ inline constexpr std::size_t record_header_bytes = 20;
 inline constexpr std::size_t record_overhead_bytes = record_header_bytes + 4;
 inline constexpr std::uint32_t max_record_payload_bytes = std::uint32_t{1} << 20;
 
-// Writing: begin_record, append the payload to `out`, end_record (which wants what begin_record returned).
+// To write a record: call begin_record, append the payload to `out`, and pass what begin_record returned to end_record.
 std::size_t begin_record(std::vector<std::byte>& out, std::uint32_t magic, std::uint32_t type, std::uint32_t number);
 void end_record(std::vector<std::byte>& out, std::size_t begun_at);
 
@@ -31,15 +31,15 @@ struct Record {
   std::span<const std::byte> payload;  // valid until the next call of next()
 };
 
-// Reads from the start up to `end` in blocks. The file must outlive it.
+// Reads the file in blocks, from its start up to `end`. The file must outlive the scanner.
 class RecordScanner {
  public:
   RecordScanner(const PosixFile& file, std::uint64_t end, std::uint32_t magic) : window_(file, end), magic_(magic) {}
 
-  // The next whole record; false when there is none any more. What lies between it and the one before is dropped.
-  // Errors are those of reading the file.
+  // Finds the next whole record; false when there are no more. Bytes skipped on the way count as dropped.
+  // The only errors are those of reading the file.
   Result<bool> next(Record& record);
-  // For a record whose payload makes no sense although its checksum is right.
+  // Counts the last record as dropped, because its payload makes no sense although its checksum is right.
   void drop_last() {
     ++records_dropped_;
     bytes_dropped_ += last_bytes_;
@@ -47,9 +47,9 @@ class RecordScanner {
 
   std::uint64_t good_end() const { return good_end_; }  // just after the last whole record
   std::uint32_t next_number() const { return next_number_; }
-  std::uint64_t records_dropped() const { return records_dropped_; }  // between whole records
+  std::uint64_t records_dropped() const { return records_dropped_; }  // gaps in the numbering, and drop_last()
   std::uint64_t bytes_dropped() const { return bytes_dropped_; }
-  std::uint64_t tail_bytes() const { return window_.end() - good_end_; }  // once next() returned false
+  std::uint64_t tail_bytes() const { return window_.end() - good_end_; }  // valid once next() has returned false
 
  private:
   Result<std::uint64_t> find_magic(std::uint64_t offset);

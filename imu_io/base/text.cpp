@@ -55,7 +55,7 @@ std::size_t utf8_character(std::string_view text, std::uint32_t* code) {
     if ((byte(i) & 0xC0) != 0x80) return 0;
     point = point << 6 | (byte(i) & 0x3F);
   }
-  constexpr std::uint32_t least[] = {0, 0, 0x80, 0x800, 0x10000};  // shorter ones are another spelling
+  constexpr std::uint32_t least[] = {0, 0, 0x80, 0x800, 0x10000};  // a smaller code point has a shorter encoding
   if (point < least[length] || point > 0x10FFFF || (point >= 0xD800 && point <= 0xDFFF)) return 0;
   if (code) *code = point;
   return length;
@@ -106,7 +106,7 @@ std::optional<double> device_number(std::string_view text, bool decimal_comma) {
 }
 
 std::size_t edit_distance(std::string_view a, std::string_view b) {
-  // rows[0] is of a's first i letters, rows[1] and rows[2] of one and two letters fewer.
+  // rows[k] is for a's first i - k letters.
   std::array<std::vector<std::size_t>, 3> rows;
   for (auto& row : rows) row.resize(b.size() + 1);
   for (std::size_t j = 0; j <= b.size(); ++j) rows[0][j] = j;
@@ -124,7 +124,7 @@ std::size_t edit_distance(std::string_view a, std::string_view b) {
 }
 
 std::string did_you_mean(std::string_view typed, const std::vector<std::string>& known) {
-  constexpr std::size_t longest = 80;  // nobody means a word with that; the work is bounded
+  constexpr std::size_t longest = 80;  // no word that anybody means is longer; it bounds the work
   if (typed.empty() || typed.size() > longest) return "";
   const std::size_t most = std::min<std::size_t>(3, (typed.size() + 1) / 3);
   std::pair<std::size_t, std::ptrdiff_t> closest(most, 1);

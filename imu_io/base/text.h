@@ -1,6 +1,6 @@
-// Numbers as text and back, without locale: the fewest digits that read back as the same number, and strict parsing
-// (the whole token, finite, no leading `+` or blanks). Small pieces that every text reader needs: trimming, splitting, and showing a stretch
-// of somebody's file in a message.
+// Formats numbers with the fewest digits that read back as the same number, and parses them strictly (the whole token, finite,
+// no leading `+` or blanks); no locale. Also what every text reader needs: trimming, splitting, and quoting part of a user's file in a
+// message.
 #pragma once
 
 #include <algorithm>
@@ -17,11 +17,11 @@
 
 namespace turncal {
 
-// Room for the longest shortest-form double or 64-bit integer.
+// Large enough for the longest shortest-form double or 64-bit integer.
 using NumberBuffer = std::array<char, 32>;
 
-// double, float and every integer type. -0.0 gives "-0". From 1e-4 to 1e15 without an exponent, which people read more
-// easily ("0.0005", not "5e-04"); the digits are the same.
+// Formats double, float and every integer type. -0.0 gives "-0". Numbers from 1e-4 to 1e15 have no exponent, which is easier
+// to read ("0.0005", not "5e-04"); the digits are the same.
 template <class T>
 requires(std::integral<T> || std::floating_point<T>) std::string_view format_number(T value, NumberBuffer& buffer) {
   char* const begin = buffer.data();
@@ -51,7 +51,7 @@ requires std::floating_point<T> std::optional<T> parse_number(std::string_view t
   return value;
 }
 
-// Out of T's range is a failure.
+// Empty also when the number is out of T's range.
 template <class T = std::int64_t>
 requires std::integral<T> std::optional<T> parse_integer(std::string_view token, int base = 10) {
   T value{};
@@ -60,7 +60,7 @@ requires std::integral<T> std::optional<T> parse_integer(std::string_view token,
   return value;
 }
 
-// Decimal, or hexadecimal after 0x.
+// Parses a decimal integer, or a hexadecimal one after 0x.
 template <class T = std::int64_t>
 std::optional<T> parse_whole(std::string_view token) {
   const bool hex = token.starts_with("0x") || token.starts_with("0X");
@@ -69,45 +69,45 @@ std::optional<T> parse_whole(std::string_view token) {
 
 // ---- pieces ----
 
-// Without blanks and tabs at both ends.
+// Removes blanks and tabs at both ends.
 std::string_view trimmed(std::string_view text);
 
-// The parts between separators, trimmed; one empty part for an empty text.
+// Returns the trimmed parts between separators; an empty text has one empty part.
 std::vector<std::string_view> split(std::string_view text, char separator);
-// Those between blanks, the empty ones left out.
+// Returns the words between blanks, without empty ones.
 std::vector<std::string_view> split_words(std::string_view text);
-// Into `cells`, without the quotes about them; between any run of blanks where the separator is one.
+// Splits a row into `cells` and removes the quotes around them. A blank as separator stands for any run of blanks.
 void split_cells(std::string_view row, char separator, std::vector<std::string_view>& cells);
 
-// How many bytes the first character of a UTF-8 text has (RFC 3629), and its code point; 0 when it is none.
+// Returns the length in bytes and the code point of a text's first UTF-8 character (RFC 3629); 0 if it is not valid.
 std::size_t utf8_character(std::string_view text, std::uint32_t* code = nullptr);
-// The same; 0 too for one that is not printed: a control character (C0, DEL, C1: U+0080 to U+009F), a line or paragraph
-// separator, or one that turns the direction of writing.
+// Returns the same, but 0 for an unprintable character: a control character (C0, DEL, C1: U+0080 to U+009F), a line or paragraph
+// separator, an invisible character (soft hyphen, zero width), or one that changes the direction of writing.
 std::size_t printable_character(std::string_view text);
 
-// 'text' in quotes, on one line and of bounded length, whatever stood in the file.
+// Puts a text from a file in quotes for a message: one line, at most 60 bytes of it, unprintable characters as '?'.
 std::string quoted(std::string_view text);
 
-// Takes the next line off the front, without its LF or CRLF. had_end: whether there was one.
+// Removes the next line from the front and returns it without its LF or CRLF. had_end: the line had an end.
 std::string_view next_line(std::string_view& text, bool* had_end = nullptr);
 
-// A number as devices and people write it: blanks around it and a leading + are allowed; nothing else beside the number is.
-// decimal_comma: 1,5 is one, too.
+// Parses a number as devices and people write it: blanks around it, a leading + and the exponent letter D are allowed.
+// decimal_comma: 1,5 is a number, too.
 std::optional<double> device_number(std::string_view text, bool decimal_comma = false);
 
-// "Did you mean ...?": the known word that somebody probably meant to type.
+// "Did you mean ...?": finds the known word that was probably meant.
 //
-// Distance: the smallest number of letters inserted, left out, replaced or swapped with their neighbour, no stretch edited twice
-// (optimal string alignment), in either case. Close is up to one error for every three letters of what was typed, three at most.
+// The distance is the smallest number of letters inserted, deleted, replaced or swapped with their neighbour, with no part edited twice
+// (optimal string alignment), ignoring case. A word is close up to (n + 1) / 3 edits, three at most, where n letters were typed.
 std::size_t edit_distance(std::string_view a, std::string_view b);
 
-// "; did you mean 'run'?", to put behind a message; nothing when no word is close. Of equally close ones: the one
-// with the longest beginning typed as it is, then the first.
+// Returns "; did you mean 'run'?" to append to a message, or nothing when no word is close. Of equally close words it takes the one
+// that shares the longest beginning with what was typed, then the first.
 std::string did_you_mean(std::string_view typed, const std::vector<std::string>& known);
 
 // ---- enumerators and their words ----
 
-// In the order of the enumerators, said below the enumeration:
+// The words of an enumeration, in the order of its enumerators. Specialise it below the enumeration:
 //   template <>
 //   inline constexpr auto enum_words<Colour> = std::to_array({"red", "green"});
 template <class Enum>
