@@ -6,8 +6,8 @@
 namespace turncal {
 namespace {
 
-constexpr double off_grid = 0.25;        // of a step: a time stamp may jitter by this much
-constexpr double most_samples = 0x1p53;  // so that counters stay whole numbers
+constexpr double off_grid = 0.25;        // of a step: the permitted jitter of a time stamp
+constexpr double most_samples = 0x1p53;  // keeps counters exact in a double
 
 }  // namespace
 
@@ -53,11 +53,11 @@ PlacedCounter CounterTracker::place(double raw, const Arrival& arrival) const {
 PlacedCounter CounterTracker::place_uncounted(double frames_skipped, const Arrival& arrival) const {
   if (!has_last_) return {CounterOutcome::first, 0, 0};
   double n = 1.0 + std::nearbyint(std::min(frames_skipped, 1e9));
-  // Nothing but the time tells of frames that vanished whole. Less than 50 ms may be lateness.
+  // Frames that vanished as a whole show only in the time. Less than 50 ms may be a delay.
   const double least_s = arrival.earliest_s - last_arrival_.latest_s;
   if (least_s - std::max(4.0 * period_s_, 0.05) > n * period_s_)
     n = std::min(std::round(least_s / period_s_), most_samples);
-  // After the link was down something is missing.
+  // At least one sample is missing after the link was down.
   if (rejoining_) n = std::max(n, 2.0);
   const auto ahead = std::int64_t(n);
   return {ahead == 1 ? CounterOutcome::next : CounterOutcome::gap, last_counter_ + ahead, ahead};

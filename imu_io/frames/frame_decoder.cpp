@@ -46,7 +46,7 @@ void FrameScanner::restart() {
   skipped_ = 0;
 }
 
-// As far as bytes are there; an unfinished sync is not a wrong one.
+// Compares as many bytes as there are; an incomplete sync is not a wrong one.
 bool FrameScanner::sync_at(std::span<const std::byte> remaining) const {
   const std::size_t n = std::min(frame_.sync.size(), remaining.size());
   for (std::size_t i = 0; i < n; ++i)
@@ -64,7 +64,7 @@ FrameScanner::Verdict FrameScanner::judge(std::span<const std::byte> remaining, 
                                           std::size_t& variant) const {
   if (!sync_at(remaining)) return Verdict::bad;
   const FrameCheck& check = frame_.check;
-  // How long is it? Without an id there is one variant.
+  // Finds the length. Without an id there is only one variant.
   const FrameVariant* known = frame_.id ? nullptr : frame_.variants.data();
   if (frame_.id) {
     if (remaining.size() < frame_.id->end()) return Verdict::more;
@@ -82,7 +82,7 @@ FrameScanner::Verdict FrameScanner::judge(std::span<const std::byte> remaining, 
     length = std::size_t(says);
     if (known != nullptr && known->length != length) return Verdict::bad;
     if (known == nullptr) {
-      // Only a check at the end can be found in a frame of unknown layout, and only a strong one is believed alone.
+      // With an unknown layout only a check at the end has a known place, and only a strong one suffices by itself.
       const bool can_tell = check.from_end && !check.weak();
       if (!can_tell || length < frame_.sync.size() + frame_.tail.size() || check.field.offset() > length ||
           check_offset(check, length) <= check.start + check.gap)
@@ -148,16 +148,16 @@ namespace {
 
 constexpr int strays_for_restart = 3;
 // After a silence.
-constexpr double off_time_s = 0.05;     // of a sample that adapters and a busy host do not explain
-constexpr double pace_window_s = 0.25;  // after two of them that are alike samples come at the unit's pace
-constexpr double catching_up = 0.02;    // a line that catches up delivers at least so much faster than the unit sends
-constexpr double quiet_s = 0.1;         // a line that is empty for so long holds nothing back
+constexpr double off_time_s = 0.05;     // a longer delay is not explained by adapters and a busy host
+constexpr double pace_window_s = 0.25;  // equal delays in two such windows mean that samples come at the unit's pace
+constexpr double catching_up = 0.02;    // a line that catches up makes up at least this fraction of the time
+constexpr double quiet_s = 0.1;         // a line that is empty for so long has no backlog
 
-// ---- what the numbers of a frame are ----
+// ---- the numbers of a frame ----
 
-constexpr double largest_pulses = 2147483647.0;  // what a recording holds
+constexpr double largest_pulses = 2147483647.0;  // limit of a recording
 
-// (now - before) modulo the modulus, as the nearest to 0.
+// Returns (now - before) modulo the modulus, as the value nearest to 0.
 double cumulative_step(std::uint64_t now, std::uint64_t before, std::uint64_t modulus) {
   if (modulus == 0) return double(std::int64_t(now - before));
   const std::uint64_t up = now >= before ? now - before : modulus - (before - now);
@@ -165,7 +165,7 @@ double cumulative_step(std::uint64_t now, std::uint64_t before, std::uint64_t mo
   return -double(modulus - up);
 }
 
-// The increments of gyro and accel and the flag for invalid ones. False: the numbers are impossible.
+// Reads the increments and the invalid flag. Returns false when the numbers are impossible.
 bool read_values(const FrameVariant& variant, const std::byte* frame, const CumulativeBase& base, ImuSample& sample) {
   for (std::size_t i = 0; i < 6; ++i) {
     const FrameValue& from = variant.values[i];
@@ -176,14 +176,14 @@ bool read_values(const FrameVariant& variant, const std::byte* frame, const Cumu
       const double steps = cumulative_step(now, base.field[i], from.modulus) -
                            (from.down ? cumulative_step(down, base.field[6 + i], from.modulus) : 0.0);
       value = (base.known ? from.factor * steps : 0.0) + 0.0;
-      continue;  // across a gap it may be anything
+      continue;  // may be anything across a gap; fits() checks it
     }
     double raw = from.field.number(frame);
     if (from.down) raw -= from.down->number(frame);
     if (raw < from.low || raw > from.high) sample.flags |= sample_flag_invalid;
     value = from.factor * (raw - from.zero);
-    value += 0.0;                             // -0 of a sign turned round
-    if (!std::isfinite(value)) return false;  // of floats
+    value += 0.0;                             // turns -0 into 0
+    if (!std::isfinite(value)) return false;  // floating fields
     if (from.pulses && (std::abs(value) > largest_pulses || value != std::nearbyint(value))) return false;
   }
   for (const FrameStatus& status : variant.status)
@@ -191,7 +191,7 @@ bool read_values(const FrameVariant& variant, const std::byte* frame, const Cumu
   return true;
 }
 
-// A recording holds what was read (an increment over a long gap may be beyond it).
+// Checks the range of a recording, which an increment over a long gap may exceed.
 bool fits(const FrameVariant& variant, const ImuSample& sample) {
   for (std::size_t i = 0; i < 6; ++i)
     if (variant.values[i].pulses && std::abs(channel_of(sample, i)) > largest_pulses) return false;
@@ -206,7 +206,7 @@ void keep(const FrameVariant& variant, const std::byte* frame, CumulativeBase& b
   base.known = true;
 }
 
-// Empty: not in this frame. NaN: not a number.
+// Empty: not in this frame. NaN: not finite.
 std::optional<float> temperature_c(const FrameVariant& variant, const std::byte* frame) {
   const std::optional<FrameScalar>& from = variant.temperature;
   if (!from || (from->when && variant.multiplexer->bits_of(frame) != *from->when)) return {};
@@ -216,7 +216,7 @@ std::optional<float> temperature_c(const FrameVariant& variant, const std::byte*
   return std::isfinite(value) ? value : std::numeric_limits<float>::quiet_NaN();
 }
 
-// The variant that two frames of a sample are, one after the other.
+// Joins the variants of the two frames of a sample: the second frame follows the first.
 FrameVariant joined(FrameVariant both, FrameVariant accel) {
   const std::size_t by = both.length;
   both.length += accel.length;
@@ -310,7 +310,7 @@ bool FrameDecoder::join(const ScannedFrame& scanned, ScannedFrame& whole) {
   const std::size_t part = scanned.variant;
   const std::size_t other = 1 - part;
   const double raw = variants_[part].counter->field.number(scanned.data);
-  if (part_counter_[part]) ++unusable_;  // stayed alone
+  if (part_counter_[part]) ++unusable_;  // never paired
   std::copy_n(scanned.data, variants_[part].length, joined_.data() + (part == 0 ? 0 : variants_[0].length));
   part_counter_[part] = raw;
   if (!part_counter_[other]) return false;
@@ -349,7 +349,7 @@ void FrameDecoder::decode(const ScannedFrame& scanned) {
     }
     const bool follows = placed.outcome == CounterOutcome::next && (variant.counter || scanned.skipped_before == 0);
     if (waiting_ && !follows) {
-      // The frame before stands alone: not believed, and this one is judged without it.
+      // Nothing confirms the frame before: it is rejected, and this one is judged without it.
       state_ = before_;
       waiting_ = false;
       ++strays_;
@@ -384,7 +384,7 @@ void FrameDecoder::decode(const ScannedFrame& scanned) {
         placed.counter = state_.tracker.last_counter() + placed.ahead;
       } else if (state_.hold.active && placed.outcome == CounterOutcome::gap &&
                  placed.late_s < -0.5 * period_s_ * double(placed.ahead)) {
-        state_.hold.jump = placed.counter;  // in the backlog itself: what held it back ran over there
+        state_.hold.jump = placed.counter;  // a loss within the backlog: the buffer that held it overflowed there
       }
     }
     believe(placed, raw, variant, scanned.data, sample);
@@ -392,7 +392,7 @@ void FrameDecoder::decode(const ScannedFrame& scanned) {
   }
 }
 
-// Frames of which the counter cannot be true. They are compared with each other: a unit that began anew goes on counting.
+// Compares frames with an implausible counter with each other: a reset unit counts on from its new value.
 void FrameDecoder::handle_stray(double raw) {
   ++strays_;
   double steps = (raw - stray_raw_) / step_;
@@ -448,7 +448,7 @@ ImuLinkCounters FrameDecoder::counters() const {
 
 // ---- after a silence that the counter alone cannot explain: samples are held until their arrival tells ----
 
-// Its counter alone says that the sample is from long before it came.
+// True if, by the counter alone, the sample is much older than its arrival.
 bool FrameDecoder::is_unsure(const PlacedCounter& placed) const {
   const CounterTracker& tracker = state_.tracker;
   if (placed.outcome == CounterOutcome::stray || placed.outcome == CounterOutcome::first) return false;
@@ -462,7 +462,7 @@ void FrameDecoder::begin_hold(const PlacedCounter& placed, double raw) {
   if (hold.active) {  // another silence before the first was decided
     const double late_s = held_late_s();
     if (hold.from_zero || !is_whole_wraps(late_s)) {
-      hold.jump = placed.counter;  // what is late is late by both
+      hold.jump = placed.counter;  // the delay is the sum of both
       return;
     }
     release(wraps_in(late_s));
@@ -473,7 +473,7 @@ void FrameDecoder::begin_hold(const PlacedCounter& placed, double raw) {
   hold.from_s = state_.tracker.latest_arrival_s();
   hold.jump = hold.from_counter + placed.ahead;
   hold.from_zero = raw < step_ && placed.ahead > 1;
-  state_.base.known = false;  // a cumulative field may span what was lost
+  state_.base.known = false;  // a cumulative field may span the loss
   hold.window_end_s = arrival_.latest_s + pace_window_s;
   hold.window_late_s = hold.before_late_s = std::numeric_limits<double>::infinity();
 }
@@ -508,7 +508,7 @@ void FrameDecoder::idle(double now_s) {
   decide(held_late_s());
 }
 
-// Of the last held sample, if nothing was lost.
+// Returns the delay of the last held sample, assuming no loss.
 double FrameDecoder::held_late_s() const {
   const Hold& hold = state_.hold;
   return hold.last_s - hold.from_s - period_s_ * double(state_.tracker.last_counter() - hold.from_counter);

@@ -1,4 +1,4 @@
-// Reading a frame description, and refusing what no unit's frames can be.
+// Reads a frame description and rejects one that no unit can have.
 #include "imu_io/frames/frame_description.h"
 
 #include <fmt/format.h>
@@ -19,14 +19,14 @@ constexpr std::uint64_t all_bits = ~std::uint64_t{0};
 
 // ---- keys ----
 //
-// Those of a variant: `<variant>.<key>` where the file has it, else `<key>`, which then holds for all variants (KeyValueFile::set_scope).
+// Keys of a variant: `<variant>.<key>` if the file has it, else `<key>`, which then holds for all variants (KeyValueFile::set_scope).
 
 template <class Value>
 void chosen(KeyValueFile& file, const std::string& key, Value& value, std::initializer_list<std::string_view> names) {
   KeyTable(file).chosen(key, value, names);
 }
 
-// Decimal, or hexadecimal with 0x in front. Without `otherwise` the key is required.
+// Reads a decimal number, or a hexadecimal one after 0x. Without `otherwise` the key is required.
 std::uint64_t read_bits(KeyValueFile& file, const std::string& key, std::optional<std::uint64_t> otherwise) {
   if (otherwise && !file.has(key)) return *otherwise;
   const auto value = parse_whole<std::uint64_t>(file.text(key));
@@ -34,7 +34,7 @@ std::uint64_t read_bits(KeyValueFile& file, const std::string& key, std::optiona
   return value.value_or(0);
 }
 
-// "EB 90"
+// Reads hexadecimal bytes: "EB 90".
 std::vector<std::byte> read_bytes(KeyValueFile& file, const std::string& key) {
   std::vector<std::byte> result;
   const std::string text = file.text_or(key, "");
@@ -49,13 +49,13 @@ std::vector<std::byte> read_bytes(KeyValueFile& file, const std::string& key) {
   return result;
 }
 
-// prefix.type, .order, .word_order, .mask
+// Reads the keys prefix.type, .order, .word_order and .mask.
 FieldForm read_form(KeyValueFile& file, const std::string& prefix, std::string_view default_type) {
   FieldForm form;
   std::string type = file.one_of_or(prefix + ".type", default_type,
                                     {"u8", "i8", "u16", "i16", "u24", "i24", "u32", "i32", "u64", "i64", "f32", "f64",
                                      "sm8", "sm16", "sm24", "sm32"});
-  if (type.empty()) type = default_type;  // refused already
+  if (type.empty()) type = default_type;  // rejected above
   form.type = static_cast<NumberType>(std::string_view("uisf").find(type[0]));
   form.bytes = parse_integer<int>(std::string_view(type).substr(type[0] == 's' ? 2 : 1)).value_or(8) / 8;
   const auto own = [&](const std::string& key) { return file.has(prefix + "." + key) ? prefix + "." + key : key; };
@@ -76,7 +76,7 @@ FieldForm read_form(KeyValueFile& file, const std::string& prefix, std::string_v
   return form;
 }
 
-// The offsets that stand at `key`, of numbers of this form: one or as many as are wanted (0: any number); the others follow the only one given.
+// Reads the offsets at `key`, one or `wanted` (0: any number). If only one is given, the other fields follow it.
 std::vector<FrameField> read_places(KeyValueFile& file, const std::string& key, const FieldForm& form,
                                     std::size_t wanted) {
   const std::vector<double> offsets = file.numbers(key, 0, between(0.0, double(longest_frame - 1)));
@@ -101,7 +101,7 @@ FrameField read_field(KeyValueFile& file, const std::string& prefix, std::string
 
 // ---- the parts of a description ----
 
-// Three values, whose keys are in the frame's own order.
+// Reads three values, whose keys are in the order of the frame.
 void read_triad(KeyValueFile& file, const std::string& prefix, const std::vector<std::string_view>& units,
                 double sample_period_s, std::span<FrameValue, 3> values) {
   const std::vector<FrameField> fields = read_fields(file, prefix, "i32", 3);
@@ -111,7 +111,7 @@ void read_triad(KeyValueFile& file, const std::string& prefix, const std::vector
   const AxisOrder axes = read_axes(file, prefix + ".axes", true, "three axes such as '+x, -z, +y', each letter once");
   const InertialUnit* const unit = read_unit(file, prefix + ".unit", units);
   const bool is_rate = unit != nullptr && unit->is_rate;
-  FrameValue value;  // what the three have in common
+  FrameValue value;  // common to all three
   std::array<double, 3> zero{}, scale{1.0, 1.0, 1.0};
   value.pulses = file.text_or(prefix + ".unit", "") == "pulses";
   if (value.pulses) {
@@ -205,7 +205,7 @@ FrameVariant read_variant(KeyValueFile& file, const std::string& name, const Fra
   for (const std::string prefix : {"status", "status2", "status3"}) {
     if (!file.has(prefix + ".offset")) continue;
     FrameStatus status;
-    // Not the field's own mask: a status mask may have holes.
+    // The status mask is not the field's own mask, since it may have holes.
     status.mask = read_bits(file, prefix + ".bits", all_bits);
     status.good = read_bits(file, prefix + ".good", 0);
     for (const FrameField& field : read_fields(file, prefix, "u8", 0)) {
@@ -296,7 +296,7 @@ FrameCheck read_check(KeyValueFile& file) {
 
 // ---- what a description must be beyond what each of its keys is checked for ----
 
-// Those of a variant that it has.
+// The sensor triads that a variant has.
 struct Triad {
   const char* name;
   std::span<const FrameValue, 3> values;
@@ -309,7 +309,7 @@ std::vector<Triad> triads_of(const FrameVariant& variant) {
   return triads;
 }
 
-// What takes bits of a frame: the key that says where, and its end.
+// The bits of a frame that a key occupies, and the offset of their end.
 struct Taken {
   std::string key;
   std::size_t end;
@@ -328,7 +328,7 @@ Taken taken_by(std::string key, std::size_t offset, const std::vector<std::byte>
   return taken;
 }
 
-// The numbers that make a sample, and what is beside them.
+// The fields that make a sample, and the other parts of the frame.
 struct TakenBits {
   std::vector<Taken> data, beside;
 };
@@ -354,7 +354,7 @@ TakenBits taken_in(const FrameDescription& frame, const FrameVariant& variant) {
   return taken;
 }
 
-// Everything inside its frame, and nothing contradicting.
+// Checks that everything lies inside its frame without contradictions.
 void check_places(KeyValueFile& file, const FrameDescription& frame, const FrameVariant& variant) {
   const TakenBits places = taken_in(frame, variant);
   for (const auto* const some : {&places.data, &places.beside})
@@ -396,11 +396,11 @@ void check_overlaps(KeyValueFile& file, const FrameDescription& frame, const Fra
   };
   for (std::size_t i = 0; i < data.size(); ++i) {
     for (std::size_t j = 0; j < i; ++j) check_apart(data[i], data[j]);
-    // A multiplexer may be the low bits of the counter.
+    // The multiplexer may be the low bits of the counter.
     for (const Taken& other : beside)
       if (!(data[i].key == "counter.offset" && other.key == "mux.offset")) check_apart(data[i], other);
   }
-  // An id may be a part of what a frame begins with.
+  // The id may be part of the sync.
   for (std::size_t i = 1; i < beside.size(); ++i)
     if (beside[i].key != "id.offset") check_apart(beside[i], beside[0]);
   if (frame.check.kind == CheckKind::none) return;
@@ -410,7 +410,7 @@ void check_overlaps(KeyValueFile& file, const FrameDescription& frame, const Fra
     for (const Taken& other : *all) check_apart(check, other);
 }
 
-// Numbers that their fields can show.
+// Checks that every expected value fits its field.
 void check_values(KeyValueFile& file, const FrameDescription& frame, const FrameVariant& variant) {
   const auto check_fits = [&](const char* key, std::uint64_t value, const FrameField& field) {
     if (value > field.largest_bits())
@@ -431,9 +431,9 @@ void check_values(KeyValueFile& file, const FrameDescription& frame, const Frame
     file.reject("length", "a length that the field at length.offset can say: field x length.scale + length.add");
 }
 
-constexpr int least_bits = 4;  // of a number that shows a motion
+constexpr int least_bits = 4;  // the fewest bits that can represent motion
 
-// The largest raw number; floating ones have none.
+// Returns the largest raw magnitude; none for floating fields.
 std::optional<double> full_scale(const FrameValue& value) {
   const int bits = value.field.bits();
   double low = 0.0, high = std::ldexp(1.0, bits) - 1.0;
@@ -446,7 +446,7 @@ std::optional<double> full_scale(const FrameValue& value) {
   return std::max(std::abs(low - value.zero), std::abs(high - value.zero));
 }
 
-// A unit shows what it is turned and what it weighs: its field ends beyond the one, and a count is less than the other.
+// A plausible scale: the field must cover `reaches`, and one count must be less than `count` (rad/s or m/s^2).
 struct Sensible {
   double reaches, count;
   const char *said_reaches, *said_count;
@@ -454,7 +454,7 @@ struct Sensible {
 constexpr Sensible gyro_rate = {rad_per_deg, 1000.0 * pi / 180.0, "1 deg/s", "1000 deg/s"};
 constexpr Sensible accel_force = {9.0, 1000.0, "gravity", "1000 m/s^2"};
 
-// `weight`: SI an increment.
+// `weight`: SI value of one increment.
 void check_scale(KeyValueFile& file, const std::string& key, const Triad& triad, double weight, double period_s,
                  const Sensible& sensible) {
   for (const FrameValue& value : triad.values) {
@@ -468,7 +468,7 @@ void check_scale(KeyValueFile& file, const std::string& key, const Triad& triad,
   }
 }
 
-// Remembers in the file what no unit's frames can be.
+// Rejects what no unit's frames can have.
 void check_variant(KeyValueFile& file, const FrameDescription& frame, const FrameVariant& variant) {
   file.set_scope(variant.name);
   check_places(file, frame, variant);
@@ -534,7 +534,7 @@ Result<FrameDescription> frame_from(KeyValueFile& file) {
   }
   file.set_scope("");
   const std::vector<FrameVariant>& all = frame.variants;
-  if (all.empty()) return file.error_at("variants", "names separated by commas");  // refused already, as an empty list
+  if (all.empty()) return file.error_at("variants", "names separated by commas");  // rejected above as an empty list
   frame.split = std::ranges::any_of(all, [](const FrameVariant& v) { return !(v.has_gyro && v.has_accel); });
   if (frame.split) {
     if (!(all.size() == 2 && !all[0].has_accel && !all[1].has_gyro)) {

@@ -12,7 +12,7 @@
 namespace turncal {
 namespace {
 
-// Counters of samples before the unit's zero are negative.
+// Returns a value in [0, modulus), also for the negative counters of samples before the unit's zero.
 double modulo(double value, double modulus) {
   const double remaining = std::fmod(value, modulus);
   return remaining < 0.0 ? remaining + modulus : remaining;
@@ -51,7 +51,7 @@ Status FrameEncoder::append(const ImuSample& sample, std::vector<std::byte>& out
   return {};
 }
 
-// False: it does not fit the field.
+// Returns false when the value does not fit the field.
 bool FrameEncoder::put(const FrameValue& element, std::size_t i, double value, std::byte* out) {
   const FrameField& field = element.field;
   const std::optional<FrameField>& down = element.down;
@@ -113,7 +113,7 @@ Status FrameEncoder::encode_variant(const FrameVariant& variant, const ImuSample
     const std::int64_t raw = (std::int64_t(variant.length) - frame_.length_add) / frame_.length_scale;
     frame_.length->put_bits(out.data(), std::uint64_t(raw));
   }
-  // Last, so that nothing above can spoil what the search goes by.
+  // Written last, so that no field can overwrite what the decoder searches for.
   std::ranges::copy(frame_.sync, out.begin());
   std::ranges::copy(frame_.tail, out.end() - std::ptrdiff_t(frame_.tail.size()));
   if (frame_.check.kind != CheckKind::none) {

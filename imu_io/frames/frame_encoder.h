@@ -1,10 +1,10 @@
-// Samples into bytes by the same description that the decoder reads: for the twin and for tests.
+// Encodes samples into frames by the same description that the decoder reads, for the twin and for tests.
 //
-// decode(encode(x)) == x for pulses. For units that send rad or rates the value is rounded to the frame's number, and what the
-// rounding left out goes into the next frame (as a unit's own integrator does), so that no angle is lost.
-// The first variant is used; of a unit that sends gyros and accelerometers apart both, one after the other. Bytes that the description does not name are 0; a multiplexed temperature is in every frame.
-// An invalid sample gets a status that differs from the good one in its lowest judged bit.
-// Errors (kind input): a number that does not fit the frame's field; the message names axis and value.
+// decode(encode(x)) == x for pulses. Units that send rad or rates have their values rounded to the frame's resolution; the rounding
+// error is carried into the next frame, as a unit's own integrator does, so that no angle is lost.
+// It uses the first variant, or both if a unit sends gyros and accelerometers separately. Bytes outside the described fields are 0;
+// every frame has the multiplexed temperature. An invalid sample gets a status that differs from `good` in the lowest masked bit.
+// Errors (kind input): a number that does not fit its field; the message names axis and value.
 #pragma once
 
 #include <array>
@@ -21,10 +21,10 @@ namespace turncal {
 class FrameEncoder {
  public:
   explicit FrameEncoder(const FrameDescription& frame);
-  std::size_t length() const;  // of what one sample makes, before it is stuffed
-  // Writes the frame, or the two of them, to the front of `out`, without stuffing; out.size() >= length().
+  std::size_t length() const;  // bytes per sample before stuffing
+  // Writes the one or two frames of a sample to the front of `out`, unstuffed. REQUIRES: out.size() >= length().
   Status encode(const ImuSample& sample, std::span<std::byte> out);
-  // Appends them as they go over the line.
+  // Appends the stuffed bytes, as sent over the line.
   Status append(const ImuSample& sample, std::vector<std::byte>& out);
 
  private:
@@ -34,8 +34,8 @@ class FrameEncoder {
 
   FrameDescription frame_;
   Crc crc_;
-  std::array<double, 6> left_{};           // what rounding left out
-  std::array<std::uint64_t, 12> total_{};  // of cumulative fields, then of what counts the other way
+  std::array<double, 6> left_{};           // rounding errors carried over
+  std::array<std::uint64_t, 12> total_{};  // of cumulative fields, then of their `down` fields
   std::vector<std::byte> plain_;
 };
 

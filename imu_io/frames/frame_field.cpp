@@ -6,7 +6,7 @@ namespace {
 
 constexpr std::byte slip_end{0xC0}, slip_escape{0xDB}, slip_end_code{0xDC}, slip_escape_code{0xDD};
 
-// Groups of at most 254 bytes, each led by its length and one.
+// Writes groups of at most 254 bytes, each preceded by its length plus one.
 void append_cobs(std::span<const std::byte> contents, std::vector<std::byte>& out) {
   constexpr std::size_t longest_group = 254;
   for (;;) {
@@ -63,10 +63,10 @@ void Unstuffer::restart() {
   group_ = 0;
 }
 
-// No more bytes than came: the 00 that a group stands for is written when the next group begins.
+// Never writes more bytes than it read: the 00 after a group is written when the next group begins.
 std::byte* Unstuffer::decode_cobs(std::byte now, std::byte* to) {
   if (now == std::byte{0}) {
-    if (!ended_) *to++ = now;  // several in a row say no more than one
+    if (!ended_) *to++ = now;  // repeated 00s count as one
     group_ = 0;
     zero_due_ = false;
     ended_ = true;
@@ -118,7 +118,7 @@ void append_stuffed(const ByteStuffing& stuffing, std::span<const std::byte> fra
 
 namespace {
 
-// What is added up: bytes, or words filled up with a zero byte.
+// Calls `take` with every byte, or every word, padded with a zero byte.
 template <typename Take>
 void for_each_part(const FrameCheck& check, std::span<const std::byte> covered, const Take& take) {
   const auto at = [&](std::size_t i) { return i < covered.size() ? std::to_integer<std::uint32_t>(covered[i]) : 0U; };
@@ -130,7 +130,7 @@ void for_each_part(const FrameCheck& check, std::span<const std::byte> covered, 
     take(check.words_big_endian ? at(i) << 8 | at(i + 1) : at(i + 1) << 8 | at(i));
 }
 
-// At most 1024 parts of 16 bits: no carry is lost in 64.
+// At most 1024 parts of 16 bits: the 64-bit sum cannot overflow.
 std::uint32_t sum(const FrameCheck& check, std::span<const std::byte> covered) {
   std::uint64_t total = 0;
   for_each_part(check, covered, [&](std::uint32_t part) { total += part; });
