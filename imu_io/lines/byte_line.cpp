@@ -16,7 +16,7 @@ namespace {
 
 constexpr int longest_wait_ms = 10;
 
-// 0, or the number of the error; ECANCELED when given up.
+// Returns 0 or an errno; ECANCELED when given up.
 int connected(int descriptor, const addrinfo& to, const Deadline& deadline, const std::function<bool()>& given_up) {
   if (::connect(descriptor, to.ai_addr, to.ai_addrlen) == 0) return 0;
   if (errno != EINPROGRESS) return errno;
@@ -129,7 +129,7 @@ Status ByteLine::open_udp(const LineAddress& address) {
   socket_ = ::socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0);
   if (socket_ < 0) return line_error(device_, "cannot open", errno);
   ::setsockopt(socket_, SOL_SOCKET, SO_RCVBUF, &receive_buffer, sizeof receive_buffer);
-  if (address.asks) {  // connected: the kernel lets nobody else's datagrams through
+  if (address.asks) {  // connected: the kernel drops datagrams from anybody else
     const Addresses found = TRY(look_up(device_, address.host, std::to_string(address.port), AF_INET, SOCK_DGRAM));
     return ::connect(socket_, found->ai_addr, found->ai_addrlen) == 0 ? Status()
                                                                       : line_error(device_, "cannot open", errno);
@@ -143,7 +143,7 @@ Status ByteLine::open_udp(const LineAddress& address) {
                              : line_error(device_, "cannot listen", errno);
 }
 
-// Empty: nothing is there.
+// Returns an empty result when nothing has arrived.
 Result<std::size_t> ByteLine::receive(std::span<std::byte> out) {
   if (kind_ == LineKind::tcp) {
     const ssize_t n = ::recv(socket_, out.data(), out.size(), 0);
@@ -163,7 +163,7 @@ Result<std::size_t> ByteLine::receive(std::span<std::byte> out) {
     if (n > 0 && !sender_) sender_ = from;
     const bool ours = n > 0 && from.sin_addr.s_addr == sender_->sin_addr.s_addr && from.sin_port == sender_->sin_port;
     datagram_.resize(ours ? std::size_t(n) : 0);
-    // Refused: nobody is there yet, or not any more, which is silence.
+    // ECONNREFUSED means that nobody is there yet or any more: the line is silent.
     if (n < 0 && number != EAGAIN && number != EINTR && number != ECONNREFUSED)
       return line_error(device_, "cannot read", number);
   }
@@ -182,7 +182,7 @@ Result<std::size_t> ByteLine::read(std::span<std::byte> out, double timeout_s) {
 Status ByteLine::write_all(std::span<const std::byte> data, double timeout_s) {
   if (kind_ == LineKind::serial) return port_.write_all(data, timeout_s);
   if (kind_ == LineKind::udp && !asks_) return device_error(device_ + ": nothing is sent over this line");
-  if (kind_ == LineKind::udp) {  // whole or not at all; one that is lost is asked again
+  if (kind_ == LineKind::udp) {  // sent as a whole or not at all; a lost request is repeated
     const ssize_t n = ::send(socket_, data.data(), data.size(), MSG_NOSIGNAL);
     return n >= 0 || errno == ECONNREFUSED || errno == EAGAIN ? Status{}
                                                               : Status(line_error(device_, "cannot write", errno));

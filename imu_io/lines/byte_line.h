@@ -1,11 +1,11 @@
-// The line to a unit, whatever it is: a serial port, a TCP connection to a serial server or unit, or the datagrams of a unit on UDP.
+// The line to a unit: a serial port, a TCP connection to a serial server or to the unit, or UDP datagrams from the unit.
 //
 //   /dev/serial/by-id/...            serial, with the settings of the frame description
-//   tcp:HOST:PORT                    the station connects; a hang-up is an error of kind device
-//   udp:PORT   udp:ADDRESS:PORT      the station listens, on all its addresses or on one; the first sender is listened to, no other
-//   udp_to:HOST:PORT                 the station asks there (the frame's request), and hears nobody else
-// A datagram holds whole frames or pieces of them, in order. What the network loses or turns round shows in the unit's counter, and
-// in nothing else. Not modelled: multicast, IPv6 for UDP.
+//   tcp:HOST:PORT                    the station connects; a hang-up by the peer is an error of kind device
+//   udp:PORT   udp:ADDRESS:PORT      the station listens on all its addresses or on one, and accepts only the first sender
+//   udp_to:HOST:PORT                 the station sends the frame's request there, and accepts only that sender
+// A datagram holds whole frames or parts of them, in order. Datagrams that the network loses or reorders show only in the unit's
+// counter. Not modelled: multicast, IPv6 for UDP.
 #pragma once
 
 #include <netdb.h>
@@ -29,18 +29,18 @@ enum class LineKind { serial, tcp, udp };
 
 struct LineAddress {
   LineKind kind = LineKind::serial;
-  std::string host;  // udp: empty for every address
+  std::string host;  // udp: empty for all addresses
   int port = 0;
   bool asks = false;  // udp_to
 };
-// Empty: a kind that is not known, or no port.
+// Parses a device name; empty if the kind is unknown or the port is missing.
 std::optional<LineAddress> parse_line(const std::string& device);
 
 class ByteLine {
  public:
   static Result<ByteLine> open(const SerialSettings& settings);
   bool is_open() const { return port_.is_open() || socket_ >= 0; }
-  // As SerialPort's.
+  // read() and write_all() behave as in SerialPort.
   Result<std::size_t> read(std::span<std::byte> out, double timeout_s);
   Status write_all(std::span<const std::byte> data, double timeout_s);
   std::optional<LineErrors> line_errors() const { return port_.line_errors(); }
@@ -54,31 +54,31 @@ class ByteLine {
   LineKind kind_ = LineKind::serial;
   SerialPort port_;
   Descriptor socket_;
-  std::vector<std::byte> datagram_;  // the last one, as far as it was not handed out
+  std::vector<std::byte> datagram_;  // the rest of the last one that was not handed out yet
   std::size_t given_ = 0;
   std::optional<sockaddr_in> sender_;
   bool asks_ = false;
 };
 
-// What stands for a line in messages: "/dev/ttyUSB0 115200 8N1", "tcp:192.168.1.5:4001".
+// Returns the name of a line for messages: "/dev/ttyUSB0 115200 8N1", "tcp:192.168.1.5:4001".
 std::string describe_line(const SerialSettings& settings);
 
 // ---- what all lines share ----
 
-// "DEVICE: WHAT: reason".
+// Returns the error "DEVICE: WHAT: reason".
 Error line_error(const std::string& device, const std::string& what, int number);
 
-// "host:port" -> a socket that does not block, is closed on exec and sends at once. `given_up` is asked at least every 10 ms. Errors: kind
-// input for an address of another form, aborted when given up, else device. A name instead of a number is looked up by the system
-// first, which has its own deadlines: give numbers.
+// Connects to "host:port" and returns a non-blocking, close-on-exec socket with TCP_NODELAY. `given_up` is asked at least every 10 ms.
+// Errors: kind input for an address of another form, aborted when given up, else device. A host name is resolved by the system first, with
+// time limits of its own; prefer numeric addresses.
 Result<int> connect_tcp(const std::string& address, double timeout_s, const std::function<bool()>& given_up = {});
 
-// `device` begins the message.
+// Resolves a host and port. `device` begins the error message.
 using Addresses = std::unique_ptr<addrinfo, void (*)(addrinfo*)>;
 Result<Addresses> look_up(const std::string& device, const std::string& host, const std::string& port, int family,
                           int socket_type);
 
-// Calls receive(), which is a Result of how many bytes came, until some did; 0: none in time.
+// Calls receive(), which returns a Result with the number of bytes, until there are some; 0 on timeout.
 template <class Receive>
 Result<std::size_t> read_until(const std::string& device, const Deadline& deadline, int descriptor, Receive receive) {
   for (;;) {
@@ -89,7 +89,7 @@ Result<std::size_t> read_until(const std::string& device, const Deadline& deadli
   }
 }
 
-// Calls write(data) until all of it has gone: 0; not_in_time, and `data` is what is left; or the number of the error.
+// Calls write(data) until all of it is sent. Returns 0, an errno, or not_in_time; `data` is then what is left.
 inline constexpr int not_in_time = -1;
 template <class Write>
 int write_until(const Deadline& deadline, int descriptor, std::span<const std::byte>& data, Write write) {

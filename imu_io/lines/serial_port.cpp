@@ -7,7 +7,7 @@
 #include <array>
 #include <cerrno>
 
-// <asm/termbits.h> has termios2 and must not meet <termios.h>.
+// <asm/termbits.h> defines termios2 and conflicts with <termios.h>.
 #include <asm/termbits.h>
 #include <fcntl.h>
 #include <linux/serial.h>
@@ -34,7 +34,7 @@ std::string describe(const SerialSettings& settings) {
 
 void SerialPort::close() {
   if (fd_ < 0) return;
-  ::ioctl(fd_, TIOCNXCL);  // or a descriptor held elsewhere would keep the port shut
+  ::ioctl(fd_, TIOCNXCL);  // otherwise a descriptor open elsewhere would keep the port locked
   fd_ = Descriptor();
 }
 
@@ -52,7 +52,7 @@ Result<SerialPort> SerialPort::open(const SerialSettings& settings) {
   }
   if (::flock(port.fd_, LOCK_EX | LOCK_NB) != 0) {
     const int number = errno;
-    // Not close(): that would take the owner's TIOCEXCL away.
+    // Not close(): it would clear the owner's TIOCEXCL.
     port.fd_ = Descriptor();
     if (number == EWOULDBLOCK) return device_error(settings.device + ": in use by another process");
     return line_error(port.device_, "cannot lock", number);
@@ -79,7 +79,7 @@ Status SerialPort::configure(const SerialSettings& settings) {
   if (settings.stop_bits == 2) line.c_cflag |= CSTOPB;
   line.c_ispeed = settings.baud;
   line.c_ospeed = settings.baud;
-  line.c_cc[VMIN] = 1;  // so that 0 bytes mean unplugged
+  line.c_cc[VMIN] = 1;  // so that a read of 0 bytes means unplugged
   line.c_cc[VTIME] = 0;
   if (::ioctl(fd_, TCSETS2, &line) != 0) return line_error(device_, "cannot set " + describe(settings), errno);
   struct termios2 got {};

@@ -1,11 +1,11 @@
-// A serial line: raw bytes, any baud rate, held by one process alone, every wait with a deadline.
+// A serial line: raw bytes, any baud rate, exclusive use by one process, and a deadline for every wait.
 //
-// The port is opened with O_NOCTTY | O_NONBLOCK | O_CLOEXEC and locked twice: flock() keeps every other turncal out, root's
-// too, and TIOCEXCL keeps out other users' programs that do not ask for locks. termios2 with BOTHER sets any rate; the rate
-// is read back and must be within 3 % (half a bit in the ten of a character is 5 %).
-// Errors have kind device and name the device and what was being done. A port that was unplugged (hang-up, or an end of the
-// file) is an error of read and write; the port is then only good for close(). Use /dev/serial/by-id names:
-// an adapter that comes back may have become ttyUSB1.
+// The port is opened with O_NOCTTY | O_NONBLOCK | O_CLOEXEC and locked twice: flock() keeps out every other turncal, even root's,
+// and TIOCEXCL keeps out other users' programs that do not use locks. termios2 with BOTHER sets any rate. The rate
+// is read back and must be within 3 % (half a bit in the ten bits of a character is 5 %).
+// Errors have kind device and name the device and the operation. After an unplugged port (hang-up, or end of
+// file) read and write return an error; only close() is then useful. Use /dev/serial/by-id names:
+// an adapter that is plugged in again may become ttyUSB1.
 // Not modelled: hardware and software flow control (both off), break, modem lines (ignored: CLOCAL).
 #pragma once
 
@@ -35,7 +35,7 @@ struct SerialSettings {
 // "/dev/ttyUSB0 115200 8N1"
 std::string describe(const SerialSettings& settings);
 
-// What the port's driver has counted since it was loaded.
+// Error counts of the port's driver since it was loaded.
 struct LineErrors {
   std::uint64_t overrun = 0;
   std::uint64_t framing = 0;
@@ -49,20 +49,20 @@ class SerialPort {
   SerialPort& operator=(SerialPort&&) noexcept = default;
   ~SerialPort() { close(); }
 
-  // What the line held before opening is thrown away.
+  // Opens the port and discards what it had received before.
   static Result<SerialPort> open(const SerialSettings& settings);
   bool is_open() const { return fd_ >= 0; }
   const std::string& device() const { return device_; }
-  int descriptor() const { return fd_; }  // for poll() beside others
+  int descriptor() const { return fd_; }  // for poll()
 
-  // What there is, at most out.size() bytes; waits for the first byte at most timeout_s. 0: nothing came.
+  // Reads what has arrived, at most out.size() bytes. Waits at most timeout_s for the first byte; 0 if none came.
   Result<std::size_t> read(std::span<std::byte> out, double timeout_s);
-  // All of it, or an error after timeout_s. Returns when the kernel has the bytes, not when they are on the wire.
+  // Writes everything, or returns an error after timeout_s. It returns when the kernel has the bytes, not when they are sent.
   Status write_all(std::span<const std::byte> data, double timeout_s);
   Status write_all(std::string_view text, double timeout_s);
-  // Throws away what has arrived and was not read.
+  // Discards received bytes that were not read.
   Status discard_input();
-  // Empty where the port does not count (a pty does not).
+  // Empty if the port does not count errors (a pty does not).
   std::optional<LineErrors> line_errors() const;
   void close();
 
@@ -73,12 +73,12 @@ class SerialPort {
   std::string device_;
 };
 
-// What to do about a device that could not be opened.
-// number: the errno. "; its group may: sudo adduser "$USER" dialout, then log in again" where that helps, else nothing.
+// Returns advice for a device that could not be opened with this errno: "; its group may: sudo adduser "$USER" dialout, then log in
+// again", or nothing.
 std::string access_advice(const std::string& device, int number);
 
-// The keys of a serial line in a configuration: PREFIX.baud, .data_bits, .parity, .stop_bits. What is not given stays as it is.
-// `serial`: whether the line is one. Over a network none of these keys has a meaning, and each is refused.
+// Reads the keys of a serial line: PREFIX.baud, .data_bits, .parity, .stop_bits. A missing key leaves its setting unchanged.
+// `serial`: the line is a serial one. On a network line these keys mean nothing and are rejected.
 void read_serial_keys(KeyTable& keys, const std::string& prefix, SerialSettings& settings, bool serial = true);
 
 }  // namespace turncal

@@ -21,7 +21,7 @@ namespace {
 
 const std::string pseudo_terminal = "pseudo-terminal";
 
-constexpr std::size_t datagram_bytes = 1400;  // whole on any network; frames may be cut between two
+constexpr std::size_t datagram_bytes = 1400;  // no network fragments it; a frame may be split between two datagrams
 
 class NetworkEnd : public UnitEnd {
  public:
@@ -53,7 +53,7 @@ class NetworkEnd : public UnitEnd {
     std::byte any{};
     if (is_tcp()) return station_ >= 0 || wait_ready(socket_, POLLIN, 0) > 0;
     if (address_.asks) return asker_ || ::recv(socket_, &any, 1, MSG_PEEK) >= 0;
-    // On this machine a datagram to a port that nobody listens at is refused at once.
+    // A datagram to an unused port of this machine is refused at once.
     int refused = 0;
     socklen_t size = sizeof refused;
     ::getsockopt(socket_, SOL_SOCKET, SO_ERROR, &refused, &size);
@@ -103,7 +103,7 @@ class NetworkEnd : public UnitEnd {
   std::string device_;
   LineAddress address_;
   Descriptor socket_;
-  Descriptor station_;  // of tcp: who is connected
+  Descriptor station_;  // tcp: the connected station
   std::optional<sockaddr_in> asker_;
 };
 
@@ -128,7 +128,7 @@ Result<Pty> Pty::create(const std::string& link_path) {
   std::array<char, 128> name{};
   if (::grantpt(pty.fd_) != 0 || ::unlockpt(pty.fd_) != 0 || ::ptsname_r(pty.fd_, name.data(), name.size()) != 0)
     return line_error(pseudo_terminal, "cannot set up", errno);
-  // Raw from the start, and opened once and closed: only then does the master tell that nobody is there.
+  // Set to raw before use, then opened and closed once: only after that does the master report that nobody is there.
   const Descriptor slave = ::open(name.data(), O_RDWR | O_NOCTTY | O_CLOEXEC);
   if (slave < 0) return line_error(pseudo_terminal, "cannot open " + std::string(name.data()), errno);
   termios line{};
@@ -154,7 +154,7 @@ bool Pty::has_peer() const {
 }
 
 Status Pty::write_all(std::span<const std::byte> data, double timeout_s) {
-  // What nobody listens to is gone.
+  // Without a peer the bytes are discarded.
   const int number = write_until(Deadline(timeout_s), fd_, data, [&](std::span<const std::byte> left) {
     return has_peer() ? ::write(fd_, left.data(), left.size()) : static_cast<ssize_t>(left.size());
   });
@@ -174,7 +174,7 @@ Result<std::size_t> Pty::read(std::span<std::byte> out, double timeout_s) {
     if (n < 0 && errno != EAGAIN && errno != EINTR && errno != EIO)
       return line_error(pseudo_terminal, "cannot read", errno);
     if (!has_peer()) {
-      // poll() would return at once for ever.
+      // poll() would always return at once.
       const timespec pause{0, 2'000'000};
       if (timeout_s > 0.0) ::nanosleep(&pause, nullptr);
     } else {

@@ -53,7 +53,7 @@ Status FrameStreamer::encode(std::span<const ImuSample> samples) {
 }
 
 void FrameStreamer::send(std::size_t samples) {
-  // A listener that does not read loses what it has no room for. It is waited for once, not at every batch: time goes on.
+  // A listener that does not read loses what its buffer cannot hold. Only the first batch waits for it, since time goes on.
   const bool sent = line_.write_all(bytes_, listener_reads_ ? patience_s_ : 0.0).ok();
   listener_reads_ = sent;
   if (sent)
@@ -93,7 +93,7 @@ Result<std::size_t> FrameStreamer::pump(double now_s) {
       send(made.size());
       continue;
     }
-    // Each, since totals go on; the last one stays to be asked for.
+    // Encodes every sample, because cumulative fields go on; the last one is kept for requests.
     for (const ImuSample& sample : made)
       if (Status status = encode({&sample, 1}); !status) return status.error();
   }

@@ -47,7 +47,7 @@ void ArrivalFit::add(double unit_s, double host_s) {
 
 void ArrivalFit::close_block() {
   have_block_ = false;
-  // Against what was known before it; then it joins the hull.
+  // The block's delay is taken relative to the line fitted before it; then the block joins the hull.
   if (line_ = estimate(); line_ && line_->span_s < judged_after_s) line_.reset();
   if (line_) {
     if (recent_.size() == recent_blocks) recent_.erase(recent_.begin());
@@ -64,7 +64,7 @@ void ArrivalFit::close_block() {
   sum_unit_s_ += block_.unit_s;
   ++blocks_;
   if (hull_.size() > most_points) {
-    // Every other inner corner goes; the hull stays on or above what it was.
+    // Drops every other inner corner. The hull stays on or above the former one.
     std::size_t kept = 1;
     for (std::size_t i = 2; i < hull_.size(); i += 2) hull_[kept++] = hull_[i];
     if (hull_.size() % 2 == 0) hull_[kept++] = hull_.back();
@@ -92,14 +92,14 @@ std::optional<ArrivalEstimate> ArrivalFit::estimate() const {
 
 namespace {
 
-constexpr double slice_s = 0.02;  // at most so long is one wait
-// The kernel hands out at most 4095 bytes at once and moves up later what comes after them, in pieces of any size: after half as much
-// the line counts as empty only when nothing came for a while.
+constexpr double slice_s = 0.02;  // longest single wait
+// The kernel returns at most 4095 bytes at once and delivers further bytes later, in pieces of any size. After a read of half as much
+// the line counts as empty only after a short time without bytes.
 constexpr std::size_t backlog_bytes = 2048;
 constexpr double moved_up_s = 0.005;
 constexpr double skew_judged_after_s = 10.0;
-constexpr double gross_skew = 2e-3;       // of another rate than described: no clock is so bad
-constexpr double least_lateness_s = 0.1;  // below this a busy host may be the reason
+constexpr double gross_skew = 2e-3;       // a wrong sample rate: no clock is so inaccurate
+constexpr double least_lateness_s = 0.1;  // a smaller delay may be due to a busy host
 
 SerialSettings line_of(const FrameDescription& frame, const std::string& device) {
   SerialSettings line = frame.line;
@@ -107,7 +107,7 @@ SerialSettings line_of(const FrameDescription& frame, const std::string& device)
   return line;
 }
 
-// Whether the line is fast enough for the frames.
+// Rejects a line that is too slow for the frames.
 void check_baud(KeyValueFile& file, const FrameDescription& frame) {
   const SerialSettings& serial = frame.line;
   const int bits = 1 + serial.data_bits + (serial.parity == SerialParity::none ? 0 : 1) + serial.stop_bits;
@@ -122,13 +122,13 @@ void check_baud(KeyValueFile& file, const FrameDescription& frame) {
                     bytes, format_number(frame.sample_period_s), serial.baud));
 }
 
-// What cannot be sent is left out: a line that has gone shows in reading it.
+// A failed write is ignored: a broken line shows when it is read.
 void ask(const std::stop_token& ended, ByteLine& line, const std::vector<std::byte>& request, double period_s) {
   double next_s = monotonic_s();
   while (!ended.stop_requested()) {
     static_cast<void>(line.write_all(request, 0.0).ok());
     const double now_s = monotonic_s();
-    next_s = std::max(next_s + period_s, now_s - period_s);  // what was missed is not made up for
+    next_s = std::max(next_s + period_s, now_s - period_s);  // missed requests are not made up for
     std::this_thread::sleep_for(std::chrono::duration<double>(std::max(next_s - now_s, 0.0)));
   }
 }
@@ -191,7 +191,7 @@ std::size_t SerialImu::read_decoded(std::span<ImuSample> out) {
       continue;
     }
     restarted_ = next == FrameDecoder::Next::restarted;
-    // All that came is used up: the last sample is the one that came last.
+    // All received bytes are decoded, so the last sample is the one that arrived last.
     if (count > 0) {
       const double unit_s = double(out[count - 1].counter) * frame_.sample_period_s;
       fit_.add(unit_s, decoder_.arrival().latest_s);
@@ -244,7 +244,7 @@ std::string SerialImu::summary() const {
                         : "line errors not counted by the port";
   const std::optional<ArrivalEstimate> arrival = fit_.estimate();
   if (!arrival || arrival->skew_uncertainty == 0.0) return text;
-  // A unit that is slow takes more of the host's time.
+  // A slow unit takes more host time: its clock error has the opposite sign of skew.
   return text + fmt::format("; the unit's clock against the host's {} ppm, largest arrival delay {:.1f} ms",
                             plus_minus(-1e6 * arrival->skew, 1e6 * arrival->skew_uncertainty),
                             1e3 * arrival->largest_delay_s);

@@ -1,22 +1,22 @@
-// A unit on a line (byte_line.h: serial, TCP, UDP) as an ImuSource: line, decoder, counter and the watch over both. A unit that answers
-// requests with its last sample is asked all the while that it is open, beside whoever reads: else the samples in between were gone while the
-// station is busy.
+// An ImuSource for a unit on a line (byte_line.h: serial, TCP, UDP). It joins line, decoder and counter, and supervises them. A unit that
+// answers requests with its last sample is polled in a thread of its own while the line is open; otherwise samples would be lost whenever
+// the station is busy.
 //
-// read()'s timeout is in seconds of the unit (of the host, times speedup). It waits for at most 20 ms of the host even if the timeout
-// is longer: so it is known when the line was last empty (counter_tracker.h), and a silent unit does not keep the station from
-// looking for a stop.
-// After open() the unit's counter goes on where it was: a cable that was pulled and put back costs a gap, not the numbering.
+// The timeout of read() is in seconds of the unit (host seconds times speedup). One read() waits at most 20 ms of host time even if the
+// timeout is longer. Thus the time when the line was last empty is known (counter_tracker.h), and a silent unit does not keep the
+// station from checking for a stop.
+// A second open() continues the unit's counter: a cable that was unplugged costs a gap, but keeps the numbering.
 //
-// read() is an error of kind device, and the port is closed, when
+// read() returns an error of kind device, and the port is closed, when
 //   the port was unplugged;
-//   the unit's counter began anew: it was switched off or reset, and its biases may be others now; or a short counter cannot tell
-//   a reset from a loss (frame_decoder.h);
-//   samples come persistently later than before by half a wrap of the counter (0.1 s without one): more was lost than the
-//   counter can tell;
-//   after 10 s, samples come at another rate than the description says, by more than 0.2 %, or by more than clock_max_ppm and three
-//   times what that is known to.
-// A unit that is silent, or sends only rubbish, gives 0 samples: how long that may last is for the caller to say.
-// The last two are not judged with speedup other than 1.
+//   the unit's counter started again: the unit was switched off or reset, and its biases may have changed, or a short counter cannot
+//   tell a reset from a loss (frame_decoder.h);
+//   samples are persistently later than before by half a wrap of the counter (0.1 s without one): more samples were lost than the
+//   counter can show;
+//   after 10 s the sample rate differs from the description's by more than 0.2 %, or the clock is off by more than clock_max_ppm
+//   plus three standard deviations.
+// A unit that is silent or sends only invalid bytes gives 0 samples; the caller decides how long that may last.
+// The last two of these errors are checked only if speedup is 1.
 #pragma once
 
 #include <cstddef>
@@ -33,32 +33,32 @@
 
 namespace turncal {
 
-// The unit's clock against the host's, from when samples arrived.
+// Estimates the unit's clock against the host's from the times of arrival.
 //
-// A sample of unit time t (counter x period) arrives at host time a = offset + (1 + skew) t + delay with delay >= 0: the line, the
-// adapter and the host only ever add. So the line  offset + (1 + skew) t  lies below all points and touches the fastest, and the
-// best one is the edge of their lower convex hull over the mean of t (Moon, Skelly and Towsley, "Estimation and removal of clock
-// skew from network delay measurements", INFOCOM 1999: it has the least sum of delays of all lines below the points).
-// Streaming: the smallest delay of each second is kept, and of these the hull. Memory is bounded.
-// What is constant in the delay cannot be told from offset. Not modelled: a skew that changes (NTP slews by up to 500 ppm).
+// A sample of unit time t (counter x period) arrives at host time a = offset + (1 + skew) t + delay, and delay >= 0, because line,
+// adapter and host can only delay. The line  offset + (1 + skew) t  therefore lies below all points and touches the fastest. The
+// estimate is the edge of their lower convex hull at the mean of t, which has the least sum of delays of all lines below the points
+// (Moon, Skelly and Towsley, "Estimation and removal of clock skew from network delay measurements", INFOCOM 1999).
+// It runs in bounded memory: it keeps the smallest delay of each second, and of these only the hull.
+// A constant part of the delay is confounded with the offset. Not modelled: a variable skew (NTP slews by up to 500 ppm).
 
 struct ArrivalEstimate {
-  double offset_s = 0.0;  // host time of unit time 0, less the smallest delay's worth
-  double skew = 0.0;      // host seconds a unit second, less 1
-  // What the fastest samples of each second scatter by, over the span: about how far off skew may be. 0: not known yet (10 s).
+  double offset_s = 0.0;  // host time of unit time 0, plus the smallest delay
+  double skew = 0.0;      // host seconds per unit second, minus 1
+  // Uncertainty of skew: the scatter of the smallest delays of the seconds, divided by the span. 0: not known yet (10 s).
   double skew_uncertainty = 0.0;
-  double largest_delay_s = 0.0;  // of a sample, beyond the fastest; counted from the first 10 s on
-  double span_s = 0.0;           // unit time that was fitted
+  double largest_delay_s = 0.0;  // of a sample relative to the fitted line, from 10 s on
+  double span_s = 0.0;           // unit time covered by the fit
 };
 
 class ArrivalFit {
  public:
   ArrivalFit();
-  void add(double unit_s, double host_s);  // unit_s must not go back
-  // Empty before 2 s.
+  void add(double unit_s, double host_s);  // unit_s must not decrease
+  // Empty until two seconds with their smallest delay are known.
   std::optional<ArrivalEstimate> estimate() const;
-  // By how much the samples of at least the last 3 s were later than the estimate of all before them, at the least; 0 when
-  // there is too little to tell. A unit that lost time for good shows here.
+  // Returns the smallest delay of the last 3 s relative to the line fitted before each, or 0 with too little data. It is large when
+  // samples were lost unnoticed.
   double persistent_delay_s() const { return persistent_delay_s_; }
   void restart();
 
@@ -69,17 +69,17 @@ class ArrivalFit {
   };
   void close_block();
 
-  std::vector<Point> hull_;  // left to right, slopes rising
+  std::vector<Point> hull_;  // from left to right, with increasing slope
   double sum_unit_s_ = 0.0;
   std::size_t blocks_ = 0;
   bool have_block_ = false;
   double block_start_s_ = 0.0;
   double first_unit_s_ = 0.0;
   Point block_{};
-  std::vector<double> recent_;  // delays of the last blocks, against the estimate before each
+  std::vector<double> recent_;  // delays of the last blocks relative to the line fitted before each
   double persistent_delay_s_ = 0.0;
-  std::optional<ArrivalEstimate> line_;  // as of the last second, once it spans 10 s
-  double square_sum_ = 0.0;              // of the seconds' delays, against the line before each
+  std::optional<ArrivalEstimate> line_;  // fit of the last second, once it spans 10 s
+  double square_sum_ = 0.0;              // of the delays of the seconds relative to the line fitted before each
   std::size_t squares_ = 0;
   double largest_delay_s_ = 0.0;
 };
@@ -88,18 +88,18 @@ class ArrivalFit {
 
 struct SerialImuSettings {
   std::string device;
-  std::string unit_serial;       // of a unit that does not tell; may be empty
-  bool simulated = false;        // a twin: recordings are marked
-  double clock_max_ppm = 200.0;  // by how much the unit's clock may differ from the host's
-  double speedup = 1.0;          // seconds of the unit a second of the host: for a twin that runs faster than time
+  std::string unit_serial;       // set by the user for a unit that does not report it; may be empty
+  bool simulated = false;        // a twin: recordings are marked as simulated
+  double clock_max_ppm = 200.0;  // permitted difference between the unit's clock and the host's
+  double speedup = 1.0;          // unit seconds per host second, for a twin that runs faster than real time
 };
 
-// An error where the unit's clock is surely further off the host's than that.
+// Returns an error when the unit's clock differs from the host's by more than max_ppm at 3 sigma.
 Status judge_clock(const ArrivalFit& fit, double max_ppm);
 
 class SerialImu : public ImuSource {
  public:
-  // The line's settings are the frame's own.
+  // The settings of the line are those of the frame description.
   SerialImu(const FrameDescription& frame, const SerialImuSettings& settings);
 
   Status open() override;
@@ -109,7 +109,7 @@ class SerialImu : public ImuSource {
   ImuLinkCounters counters() const override { return decoder_.counters(); }
   void close() override;
 
-  // For the log, in one line: what came and what did not, the line's own errors since open(), and the unit's clock against the host's.
+  // Returns one line for the log: samples received and lost, errors of the line since open(), and the unit's clock against the host's.
   std::string summary() const;
   std::optional<ArrivalEstimate> clock() const { return fit_.estimate(); }
 
@@ -123,12 +123,12 @@ class SerialImu : public ImuSource {
   FrameDescription frame_;
   SerialImuSettings settings_;
   ByteLine port_;
-  std::jthread requests_;  // asks at a fixed pace: begun and ended with the line
+  std::jthread requests_;  // polls at a fixed rate while the line is open
   FrameDecoder decoder_;
   ArrivalFit fit_;
   bool restarted_ = false;
-  double empty_s_ = 0.0;  // the line was empty then, or later
-  bool backlog_ = false;  // so much was there at once that more may have come after it
+  double empty_s_ = 0.0;  // the line was empty at this time or later
+  bool backlog_ = false;  // a read returned so much that more may follow
   double backlog_s_ = 0.0;
   double line_checked_s_ = 0.0;
   std::optional<LineErrors> line_at_open_;
@@ -136,14 +136,14 @@ class SerialImu : public ImuSource {
   std::int64_t last_counter_ = 0;
 };
 
-// The keys imu.* of a station file, which say which unit is on which line (docs/imu-frames.md).
+// The keys imu.* of a station file: which unit is on which line (docs/imu-frames.md).
 struct SerialImuConfig {
   FrameDescription frame;
   SerialImuSettings settings;
 };
 
-// An error of the frame description is returned with its own file and line; defects of the station file's keys also stay with
-// `file`, as with all its getters.
+// An error in the frame description names its own file and line. Defects of the station file's keys are also remembered by `file`, as by
+// all its getters.
 Result<SerialImuConfig> read_serial_imu_config(KeyValueFile& file);
 
 }  // namespace turncal
