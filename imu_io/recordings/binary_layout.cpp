@@ -19,7 +19,7 @@ constexpr std::size_t flag_bytes = 8;
 
 std::size_t increment_bytes(IncrementKind kind) { return kind == IncrementKind::pulses ? 4 : 8; }
 
-// Calls with an integer of 32 bits for pulses, with a double for physical increments.
+// Calls `take` with a 32-bit integer for pulses, or with a double for physical increments.
 template <class Take>
 void with_number(IncrementKind kind, Take take) {
   kind == IncrementKind::pulses ? take(std::int32_t{}) : take(double{});
@@ -50,7 +50,7 @@ void decode_triples(const std::byte* from, IncrementKind kind, std::array<double
   });
 }
 
-// `fields`: a ByteWriter or a ByteReader.
+// `fields` is a ByteWriter or a ByteReader.
 template <class Fields, class Info>
 void info_numbers(Fields&& fields, Info& info) {
   fields(info.sample_period_s, info.latitude_deg, info.gravity_mps2, info.accel_pulse_mps);
@@ -60,8 +60,8 @@ void place_fields(Fields&& fields, SegmentType& segment) {
   fields(segment.start_sample, segment.end_sample, segment.heading_deg, segment.pitch_deg, segment.roll_deg);
 }
 
-// Builds the contiguous list of segments out of begin and end records, some of which may have been lost. A segment
-// whose end was lost is not known to have been good (its dwell may have been repeated): it counts as rotate.
+// Builds the contiguous list of segments from begin and end records, some of which may be lost. A segment
+// without its end record counts as rotate: it may have been a dwell that was repeated.
 class SegmentCollector {
  public:
   explicit SegmentCollector(RecordingScan& scan) : scan_(scan) {}
@@ -97,7 +97,7 @@ class SegmentCollector {
     fill_up_to(end);
   }
 
-  // Where begin and end of a segment were both lost.
+  // Fills the gap left by a segment whose begin and end records are both lost.
   void fill_up_to(std::int64_t start) {
     if (scan_.segments.empty() || scan_.segments.back().end_sample == start) return;
     Segment lost = scan_.segments.back();
@@ -110,7 +110,7 @@ class SegmentCollector {
   RecordingScan& scan_;
 };
 
-// Damage can take away samples at both ends: segments are cut to what is left.
+// Cuts the segments to the samples that are left, since damage can remove samples at both ends.
 Segments inside_samples(const Segments& segments, std::int64_t first_counter, std::int64_t last_counter) {
   Segments result;
   for (Segment segment : segments) {
@@ -121,7 +121,7 @@ Segments inside_samples(const Segments& segments, std::int64_t first_counter, st
   return result;
 }
 
-// Whole pulses are finite anyhow. Zero times a number is finite exactly when the number is.
+// Pulses are always finite. Zero times a number is finite exactly when the number is.
 bool all_finite(const std::vector<ImuSample>& samples, const RecordingInfo& info) {
   double sum = 0.0;
   const auto add = [&](const std::array<double, 3>& v) { sum += 0.0 * v[0] + 0.0 * v[1] + 0.0 * v[2]; };
@@ -142,7 +142,7 @@ class BinaryRecording final : public RecordingSource {
     Segments segments = scan.segments;
     if (scan.open_segment) {
       segments.push_back(*scan.open_segment);
-      segments.back().kind = SegmentKind::rotate;  // nobody said that it was good
+      segments.back().kind = SegmentKind::rotate;  // no record confirms it
       segments.back().end_sample = scan.last_counter + 1;
     }
     segments_ = inside_samples(segments, scan.first_counter, scan.last_counter);
@@ -158,7 +158,7 @@ class BinaryRecording final : public RecordingSource {
     for (Record record; TRY(scanner.next(record));) {
       if (record.type != std::uint32_t(RecordType::samples)) continue;
       const auto chunk = parse_samples(record.payload, info_);
-      if (!chunk || (count > 0 && chunk->first_counter <= last_counter)) continue;  // counted when it was opened
+      if (!chunk || (count > 0 && chunk->first_counter <= last_counter)) continue;  // scan_recording() has counted it
       last_counter = chunk->last_counter;
       count += chunk->count;
       decode_samples(*chunk, info_, samples);
@@ -288,7 +288,7 @@ std::optional<SampleChunk> parse_samples(std::span<const std::byte> payload, con
   if (info.has_temperature) chunk.temperature = reader.get_bytes(std::uint64_t{chunk.count} * 4).data();
   if (!reader.at_end() || chunk.count == 0) return {};
 
-  // Walk the gaps: indices and counters must increase, and nothing may overflow on the way.
+  // Check the gaps: indices and counters must increase, and no arithmetic may overflow.
   if (!is_counter(chunk.first_counter)) return {};
   std::uint32_t index = 0;
   std::int64_t counter = chunk.first_counter;
@@ -316,7 +316,7 @@ void decode_samples(const SampleChunk& chunk, const RecordingInfo& info, std::ve
     sample.flags = 0;
     sample.temperature_c = not_measured;
     if (temperature != nullptr) {
-      // One kind of NaN, so that the content hash does not depend on who wrote it.
+      // All NaNs become the same one, so that the content hash does not depend on the writer.
       const auto value = load_bytes<float>(temperature);
       if (value == value) sample.temperature_c = value;
       temperature += 4;
@@ -352,7 +352,7 @@ Result<RecordingScan> scan_recording(const PosixFile& file, std::optional<std::i
     if (type == RecordType::info) {
       const auto info = parse_info(record.payload);
       if (!info) return input_error(file.path() + ": " + info.error().message);
-      if (!has_info) scan.info = *info;  // the second one is a spare
+      if (!has_info) scan.info = *info;  // the second one is a copy
       has_info = true;
       scan.closed_end = scanner.good_end();
     } else if (good && (type == RecordType::segment_begin || type == RecordType::segment_end ||
@@ -380,7 +380,7 @@ Result<RecordingScan> scan_recording(const PosixFile& file, std::optional<std::i
       good = false;
     }
     if (!good) scanner.drop_last();
-    if (declared_samples) break;  // nothing belongs after the end mark
+    if (declared_samples) break;  // nothing may follow the end mark
   }
   if (!has_info)
     return input_error(file.path() + ": not a recording of this program, or its first records are destroyed");

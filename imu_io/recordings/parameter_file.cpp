@@ -41,7 +41,7 @@ bool is_further_key(std::string_view key) {
   return false;
 }
 
-// Lines, and the first thing that cannot be written.
+// Collects lines and remembers the first one that cannot be written.
 struct Lines {
   void text(const std::string& key, const std::string& value) {
     if (!keys.insert(key).second) return fail(key, "occurs twice");
@@ -70,7 +70,7 @@ struct Lines {
   std::unordered_set<std::string> keys;
 };
 
-// What is read must be fit to be written again.
+// Reads a text that could also be written.
 std::string plain_text(KeyValueFile& input, std::string_view key) {
   std::string value = input.text(key);
   if (!is_plain_text(value)) input.reject(key, "printable text");
@@ -99,7 +99,7 @@ std::string temperature_key(int parameter, int order) {
   return "temperature." + parameter_key(parameter) + "." + std::to_string(order);
 }
 
-// f(key, coefficient, sigma) of all of them, in order.
+// Calls f(key, coefficient, sigma) for all of them, in order.
 template <class Polynomials, class F>
 void each_temperature_key(Polynomials& t, const F& f) {
   for (int k = 0; k < parameter_count; ++k)
@@ -138,14 +138,14 @@ constexpr std::uint32_t block_version = 1;
 
 constexpr double not_a_number = std::numeric_limits<double>::quiet_NaN();
 
-// A double as C and every YAML reader have it: with a point, before an exponent too.
+// Formats a double for C and for every YAML reader: with a decimal point, also before an exponent.
 std::string literal(double value) {
   std::string text = format_number(value);
   if (text.find('.') == std::string::npos) text.insert(std::min(text.find('e'), text.size()), ".0");
   return text;
 }
 
-// A C string: what is not plain as an octal number of three digits, '?' too (trigraphs).
+// Returns a C string. Characters that are not plain become three octal digits, including '?' (trigraphs).
 std::string in_c_quotes(std::string_view text) {
   std::string result = "\"";
   for (const char c : text) {
@@ -155,7 +155,7 @@ std::string in_c_quotes(std::string_view text) {
   return result + "\"";
 }
 
-// A YAML scalar: between single quotes only they themselves need anything, and are doubled. Texts of a parameter file are printable.
+// Returns a single-quoted YAML scalar, in which only single quotes need doubling. Texts of a parameter file are printable.
 std::string in_yaml_quotes(std::string_view text) {
   std::string result = "'";
   for (const char c : text) result += c == '\'' ? "''" : std::string(1, c);
@@ -254,7 +254,7 @@ Status write_parameter_file(const ParameterFile& file, const std::string& path) 
 }
 
 Result<ParameterFile> parse_parameter_file(std::string_view text, const std::string& file_name) {
-  // The checksum first: nothing in a damaged file is worth a message of its own.
+  // The checksum comes first: a damaged file needs no other message.
   const std::string_view above = TRY(without_checksum(text, file_name));
 
   KeyValueFile input = TRY(KeyValueFile::parse(above, file_name));
@@ -425,7 +425,7 @@ std::string format_parameter_header(const ParameterFile& file) {
 }
 
 std::string format_parameter_yaml(const ParameterFile& file) {
-  std::string text = "# Parameters of an inertial measurement unit, as YAML.\n";  // no other file of ours begins so
+  std::string text = "# Parameters of an inertial measurement unit, as YAML.\n";  // unique among our files
   if (file.simulated) text += "# Simulated data: a dry run, or a twin.\n";
   const auto line = [&text](const std::string& key, const std::string& value) { text += key + ": " + value + "\n"; };
   const std::pair<const char*, const std::string&> texts[] = {

@@ -1,8 +1,8 @@
-// The result of a calibration as a file: the 24 parameters, their standard deviations, added effects, and what is
-// needed to know what they belong to. Format: docs/files.md.
+// The file with the result of a calibration: the 24 parameters, their standard deviations, added effects, and what
+// identifies the recording they belong to. Format: docs/files.md.
 //
-// Writing what was read gives the same bytes: numbers are written in their shortest round-trip form, in fixed order;
-// the last line is a checksum (crc.h).
+// A file that is read and written again has the same bytes: numbers have their shortest round-trip form, the order is fixed,
+// and the last line is a checksum (crc.h).
 #pragma once
 
 #include <array>
@@ -29,10 +29,10 @@ struct EffectValue {
   bool operator==(const EffectValue&) const = default;
 };
 
-// The parameters at other temperatures (docs/thermal.md): p + c_1 x + c_2 x^2 + c_3 x^3, x = T - reference_c, p the 24 of the file.
+// The parameters at other temperatures (docs/thermal.md): p + c_1 x + c_2 x^2 + c_3 x^3 with the file's p and x = T - reference_c.
 struct TemperaturePolynomials {
   using Orders = Eigen::Matrix<double, parameter_count, 3>;
-  double reference_c = 0.0, low_c = 0.0, high_c = 0.0;  // the range that they were made from
+  double reference_c = 0.0, low_c = 0.0, high_c = 0.0;  // temperature range of the data behind them
   Orders coefficient = Orders::Constant(std::numeric_limits<double>::quiet_NaN()), sigma = coefficient;  // NaN: none
   ParameterVector at(const ParameterVector& reference, double temperature_c) const;  // clamped to the range
 };
@@ -40,8 +40,8 @@ struct TemperaturePolynomials {
 struct ParameterFile {
   ParameterVector parameters = to_vector(Parameters{});        // units and order: calib/model/parameters.h
   std::array<std::optional<double>, parameter_count> sigma{};  // the same units; empty: not estimated
-  std::vector<EffectValue> effects;                            // in the order in which they were added
-  std::optional<double> reference_temperature_c;               // what temperature effects are referred to
+  std::vector<EffectValue> effects;                            // in the order of being added
+  std::optional<double> reference_temperature_c;               // reference temperature of the temperature effects
   std::optional<TemperaturePolynomials> temperature;           // keys temperature.*
 
   std::string unit_serial;
@@ -56,9 +56,9 @@ struct ParameterFile {
   IncrementKind gyro_increment = IncrementKind::pulses;
   IncrementKind accel_increment = IncrementKind::pulses;
   double accel_pulse_mps = 0.0;
-  bool simulated = false;  // made from simulated data: not for a real unit
+  bool simulated = false;  // from simulated data: not for a real unit
 
-  // Further keys in order, for noise estimates and records. Each begins with one of further_key_prefixes.
+  // Further keys in their order, for noise estimates and records. Each begins with one of further_key_prefixes.
   std::vector<std::pair<std::string, std::string>> further;
 
   void add_further(std::string key, std::string value) { further.emplace_back(std::move(key), std::move(value)); }
@@ -67,46 +67,46 @@ struct ParameterFile {
 
 inline constexpr std::array<std::string_view, 4> further_key_prefixes = {"noise.", "quality.", "record.", "verdict."};
 
-// The site, unit and increments of a recording, taken over.
+// Copies the site, unit and increments of a recording.
 void describe_recording(const RecordingInfo& info, ParameterFile& file);
 
-// An error when a value is not finite, a text cannot stand in the file, or a key occurs twice.
+// Returns an error when a value is not finite, a text cannot be stored in the file, or a key occurs twice.
 Result<std::string> format_parameter_file(const ParameterFile& file);
 Status write_parameter_file(const ParameterFile& file, const std::string& path);
 
-// What a calibration did not determine, keys with a space between: such a value means nothing by itself.
+// The parameters that the calibration did not determine, as keys separated by blanks. Their values are meaningless.
 inline constexpr std::string_view undetermined_key = "quality.undetermined";
 
-// The value of a further key; null where there is none.
+// Returns the value of a further key, or null.
 const std::string* find_further(const ParameterFile& file, std::string_view key);
 
-// For the record: whatever was written.
+// Reads a file for the record, whatever its contents.
 Result<ParameterFile> parse_parameter_file(std::string_view text, const std::string& file_name);
-// To be used: an error, too, where parameters are not determined.
+// Reads a file for use: undetermined parameters are also an error.
 Result<ParameterFile> read_parameter_file(const std::string& path);
 
-// What was judged, whatever the verdict then said: the hash (hash_of_text) of the file without its lines `verdict.` and `checksum`.
+// Returns the hash (hash_of_text) of the file without its `verdict.` lines and its checksum: it identifies what was verified, whatever the verdict.
 Result<std::string> calibration_hash(ParameterFile file);
 
-// Whether the sigmas can be believed, and why not where they cannot: quality.trusted, quality.reason. An empty `why_not` of a file in which a
-// parameter is not determined is not trusted either. What the file said of it before is replaced.
+// Writes quality.trusted and quality.reason: whether the sigmas can be trusted, and if not, why. With an empty `why_not` a file with an
+// undetermined parameter is still not trusted. Earlier statements of this kind in the file are replaced.
 void describe_trust(const std::string& why_not, ParameterFile& file);
-bool is_trusted(const ParameterFile& file);              // true where the file does not say
-std::string why_not_trusted(const ParameterFile& file);  // empty: it is
+bool is_trusted(const ParameterFile& file);              // true if the file does not say
+std::string why_not_trusted(const ParameterFile& file);  // empty: trusted
 
-// Whether two recordings, or one and parameters, are of one sample rate. Each period is measured by a clock of its own, a crystal that is off by
-// up to 50 ppm, and by stamps: a millisecond of jitter over ten seconds is another 100 ppm. What a difference of 200 ppm does: the same share of
-// a rate, and of a scale factor where the unit gives rates; nothing to increments that are counted.
+// Whether two recordings, or a recording and parameters, have the same sample rate. Each period was measured with its own clock: a crystal is off
+// by up to 50 ppm, and a millisecond of jitter in time stamps over ten seconds is another 100 ppm. A difference of 200 ppm changes a rate by
+// 200 ppm, and also a scale factor if the unit gives rates; counted increments do not change.
 inline constexpr double sample_period_tolerance = 200e-6;
 inline bool same_sample_period(double a_s, double b_s) { return std::abs(a_s - b_s) <= sample_period_tolerance * b_s; }
 
-// Whether the parameters may be applied to this recording: same unit, same period (same_sample_period), increments and pulse weight, and not
-// simulated parameters on a real unit. `file_name` is for the message.
+// Returns an error unless the parameters may be applied to this recording: same unit, same period (same_sample_period), same increments and pulse
+// weight, and no simulated parameters on a real unit. `file_name` is for the message.
 Status check_applicable(const ParameterFile& file, const std::string& file_name, const RecordingInfo& info);
 
-// In other forms, for whoever loads it into a navigation computer: a C header, a binary block with a checksum, YAML. Formats:
-// docs/files.md. All numbers are those of the file, in its units; C and YAML have them in the shortest form that reads back as
-// the same double. Simulated and untrusted files say so in every form.
+// Return the file in other forms for navigation computers: a binary block with a checksum, a C header, YAML. Formats:
+// docs/files.md. Numbers keep the values and units of the file; C and YAML have their shortest form that reads back as
+// the same double. Every form says when a file is simulated or not trusted.
 std::string format_parameter_block(const ParameterFile& file);
 std::string format_parameter_header(const ParameterFile& file);
 std::string format_parameter_yaml(const ParameterFile& file);

@@ -32,7 +32,7 @@ constexpr InertialUnit inertial_units[] = {{"rad", 1.0, false},
                                            {"g", standard_gravity_mps2, true},
                                            {"mg", 1e-3 * standard_gravity_mps2, true}};
 
-// To the end of the year 9999.
+// Up to the end of the year 9999.
 constexpr NumberRange civil_time_s = between(0.0, 253402300799.0);
 
 }  // namespace
@@ -64,7 +64,7 @@ std::array<double, 3> one_or_three(KeyValueFile& file, const std::string& key, d
 
 AxisOrder read_axes(KeyValueFile& file, const std::string& key, bool signs, const char* expected) {
   const std::string text = file.text_or(key, "+x, +y, +z");
-  if (signs) file.list_or(key, {});  // none empty
+  if (signs) file.list_or(key, {});  // rejects an empty part
   const std::vector<std::string_view> axes = split(text, ',');
   const auto signed_letter = [](std::string_view axis) { return axis.size() == 2; };
   const std::optional<AxisOrder> order = axis_order(text);
@@ -144,7 +144,7 @@ Status check_segments(const Segments& segments, std::int64_t first_counter, std:
       return refuse(false, fmt::format("more than start_sample, {}", segment.start_sample));
     if (segment.start_sample < first_counter)
       return refuse(true, fmt::format("at least the first sample, {}", first_counter));
-    // Not last_counter + 1, which can overflow.
+    // Not compared with last_counter + 1, which can overflow.
     if (segment.end_sample - 1 > last_counter)
       return refuse(false, fmt::format("at most one more than the last sample, {}", last_counter));
     if (!has_finite_angles(segment)) return input_error(where(i) + ": an angle is not finite");

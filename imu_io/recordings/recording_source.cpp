@@ -21,7 +21,7 @@
 namespace turncal {
 namespace {
 
-// Samples are hashed as they lie in memory: 64 bytes, no padding, little-endian (bytes.h checks that).
+// Samples are hashed as they are in memory: 64 bytes, no padding, little-endian (checked in bytes.h).
 static_assert(sizeof(ImuSample) == 64 && std::is_trivially_copyable_v<ImuSample>);
 
 std::string hash_as_hex(XXH128_hash_t hash) {

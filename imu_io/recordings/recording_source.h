@@ -1,12 +1,12 @@
-// A recording to read, whatever its form: a folder with recording.tcr, a .tcr file, or a folder in text form
+// Reads a recording in any form: a folder with recording.tcr, a .tcr file, or a folder in text form
 // (recording.conf, imu.csv, segments.csv). Formats: docs/files.md.
 //
-// What is known before streaming: info and the final list of segments. read() hands the samples over in blocks, in
-// counter order, from the start, as often as wanted, in memory that does not grow with the recording. A sample's fields
-// are those of calib/types/recording_types.h: whole numbers for pulses; a counter gap is kept.
+// info() and the final list of segments are known before streaming. read() passes the samples on in blocks, in
+// counter order, from the start, as often as wanted; memory does not grow with the recording. The fields of a sample
+// are those of calib/types/recording_types.h: pulses are whole numbers, and counter gaps are kept.
 //
-// A binary recording that was damaged or cut off is read as far as it goes: damage() says what is missing, and segments
-// are cut to the samples that are left. Text has no checksums: there every defect is an error.
+// A binary recording that was damaged or cut off is read as far as possible: damage() says what is missing, and segments
+// are cut to the remaining samples. In the text form, which has no checksums, every defect is an error.
 #pragma once
 
 #include <cstdint>
@@ -21,19 +21,19 @@
 
 namespace turncal {
 
-// What a binary recording lost. All zero and complete for text.
+// What is missing in a binary recording. Text is always complete, with all counts 0.
 struct RecordingDamage {
-  std::uint64_t records_dropped = 0;  // records with a wrong checksum, or missing in the numbering
-  std::uint64_t bytes_dropped = 0;    // of them that are still in the file
-  std::uint64_t samples_dropped = 0;  // as far as the end mark tells; 0 without one
-  std::uint64_t torn_tail_bytes = 0;  // after the last good record; a normal end of an interrupted capture
+  std::uint64_t records_dropped = 0;  // records with a wrong checksum, or missing from the numbering
+  std::uint64_t bytes_dropped = 0;    // bytes in the file that belong to no good record
+  std::uint64_t samples_dropped = 0;  // according to the end mark; 0 without one
+  std::uint64_t torn_tail_bytes = 0;  // after the last good record; usual for an interrupted capture
   bool complete = true;               // the end mark is there
   bool lost_data() const { return records_dropped != 0; }
 };
 
 class RecordingSource {
  public:
-  // Returning an error stops the reading; read() then returns it.
+  // An error from the sink ends the reading, and read() returns it.
   using Sink = std::function<Status(std::span<const ImuSample>)>;
 
   static Result<std::unique_ptr<RecordingSource>> open(const std::string& path);
@@ -46,14 +46,14 @@ class RecordingSource {
   const Segments& segments() const { return segments_; }
   const RecordingDamage& damage() const { return damage_; }
 
-  // The blocks live only during the call. Blocks are not empty.
+  // Passes blocks, never empty, to the sink. They are valid only during the call.
   Status read(const Sink& sink);
 
-  // A rest that is not to be used, for as long as this object lives: its segment is rotate, its samples carry sample_flag_set_aside.
+  // Excludes a rest from use while this object lives: its segment becomes rotate, and its samples get sample_flag_set_aside.
   void set_aside(const Segment& rest);
 
-  // XXH3-128 as 32 hex digits over info, segments and samples in a fixed layout: the same for every form of the same
-  // recording. Falls out of read(); makes a pass of its own when there was none.
+  // Returns XXH3-128 as 32 hex digits over info, segments and samples in a fixed layout: the same for every form of a
+  // recording. read() computes it on the way; without a read() it makes a pass of its own.
   Result<std::string> content_hash();
 
  protected:
@@ -67,13 +67,13 @@ class RecordingSource {
 
  private:
   Segments set_aside_;
-  std::string hash_;  // empty until a read() went through
+  std::string hash_;  // empty until a read() is complete
 };
 
-// The same hash of any bytes, for records of configurations and sequences.
+// Returns the same kind of hash for any bytes, for records of configurations and sequences.
 std::string hash_of_text(std::string_view text);
 
-// One line on what is missing, for log and report; empty when nothing is.
+// Returns one line about what is missing, for log and report; empty if nothing is.
 std::string describe(const RecordingDamage& damage);
 
 }  // namespace turncal

@@ -34,7 +34,7 @@ Error cut_off(const std::string& path, std::int64_t line) {
   return input_error(at_line(path, line) + ": the last line is cut off: expected a line end");
 }
 
-// A row of one of our tables, and the words for what is wrong with it. Views of what it was made of.
+// A row of one of our tables, with its error messages. It refers to the text that it was made from.
 class CsvRow {
  public:
   CsvRow(std::string_view text, const std::string& file, std::int64_t line, std::span<const std::string_view> names)
@@ -68,10 +68,10 @@ constexpr std::span<const std::string_view> columns_of(bool has_temperature) {
 constexpr std::int64_t min_pulses = std::numeric_limits<std::int32_t>::min();
 constexpr std::int64_t max_pulses = std::numeric_limits<std::int32_t>::max();
 
-// A number that ends at a comma or a line end.
+// Reads a number that ends at a comma or a line end.
 template <class T>
 bool plain_number(const char*& at, T& value) {
-  // 40 bytes hold every shortest form; the line end before them stops the parser earlier.
+  // 40 bytes hold every shortest form; the parser stops earlier at the line end.
   const auto result = std::from_chars(at, at + 40, value);
   if (result.ec != std::errc{} || !std::isfinite(double(value))) return false;
   at = result.ptr;
@@ -103,13 +103,13 @@ Result<RecordingInfo> read_info(const std::string& path) {
   return info;
 }
 
-// Without the byte order mark of some editors.
+// Returns the first line without the byte order mark of some editors.
 std::string_view first_line(std::string_view& text, bool* had_end) {
   const std::string_view line = next_line(text, had_end);
   return line.starts_with("\xEF\xBB\xBF") ? line.substr(3) : line;
 }
 
-// Every line of a small table but its header, each with a line end. `take` gets the cells and the row's place.
+// Reads the rows of a small table with a header; every line must have its end. `take` gets the row.
 template <class Take>
 Status read_table(const std::string& path, std::string_view header, Take take) {
   const std::string content = TRY(read_whole_file(path));
@@ -182,7 +182,7 @@ class TextRecording final : public RecordingSource {
   }
 
  private:
-  // Without the file no sample is flagged.
+  // No sample is flagged if the file is missing.
   Status read_flags() {
     const std::string path = path_ + "/" + flags_csv_name;
     if (!path_exists(path)) return {};
@@ -217,7 +217,7 @@ class TextRecording final : public RecordingSource {
     return {};
   }
 
-  // The first and the last row: what the segments must lie in.
+  // Reads the first and the last row, between which the segments must lie.
   Status read_ends(FileWindow& window, ImuSample& first, ImuSample& last) const {
     const ImuCsvParser parser(csv_path_, info_);
     std::string_view piece = TRY(text_at(window, rows_begin_));
@@ -227,7 +227,7 @@ class TextRecording final : public RecordingSource {
     if (had_end) TRY(parser.parse(row, 2, first));
 
     const std::uint64_t tail = std::max(rows_begin_, size_ - std::min<std::uint64_t>(size_, longest_row));
-    const std::string end(TRY(text_at(window, tail)));  // kept: lines may still be counted
+    const std::string end(TRY(text_at(window, tail)));  // copied, because count_lines() may move the window
     piece = end;
     if (!piece.ends_with('\n')) return cut_off(csv_path_, TRY(count_lines(window)) + 1);
     piece.remove_suffix(1);
@@ -236,7 +236,7 @@ class TextRecording final : public RecordingSource {
     if (row.ends_with('\r')) row.remove_suffix(1);
     const bool whole = before != std::string_view::npos || tail == rows_begin_;
     if (whole && parser.parse(row, 0, last).ok()) return {};
-    // Only a defect is worth counting lines for.
+    // Lines are counted only for an error message.
     const std::int64_t lines = TRY(count_lines(window));
     return whole ? parser.parse(row, lines, last) : Status(too_long(lines));
   }
@@ -267,7 +267,7 @@ class TextRecording final : public RecordingSource {
     std::int64_t line = 1, last_counter = std::numeric_limits<std::int64_t>::min();
     for (std::uint64_t offset = rows_begin_; offset < window.end();) {
       const std::string_view text = TRY(text_at(window, offset));
-      const std::size_t size = text.rfind('\n') + 1;  // of whole rows
+      const std::size_t size = text.rfind('\n') + 1;  // whole rows
       offset += size;
       if (size == 0 && (text.size() > longest_row || offset + text.size() < window.end())) return too_long(line + 1);
       if (size == 0) return flagged != flagged_.end() ? not_there() : cut_off(csv_path_, line + 1);
@@ -389,7 +389,7 @@ Status ImuCsvParser::parse(std::string_view text, std::int64_t line, ImuSample& 
       const bool whole =
           value && *value == std::floor(*value) && *value >= double(min_pulses) && *value <= double(max_pulses);
       if (!whole) return row.defect(i, "a whole number of pulses within 32 bits");
-      place = *value + 0.0;  // no negative zero among pulses
+      place = *value + 0.0;  // removes the sign of a zero
     }
   }
   sample.temperature_c = std::numeric_limits<float>::quiet_NaN();
@@ -416,7 +416,7 @@ void append_imu_row(std::string& out, const ImuSample& sample, const RecordingIn
     out += ',';
     const float t = sample.temperature_c;
     if (!std::isnan(t)) {
-      // Three decimals when they say it exactly, which is what sensors give; else the shortest form.
+      // Writes three decimals if they are exact, as sensors usually give; otherwise the shortest form.
       const double thousandths = std::round(double(t) * 1000.0);
       if (std::abs(thousandths) < 8e6 && float(thousandths / 1000.0) == t) {
         if (std::signbit(t)) out += '-';
@@ -457,7 +457,7 @@ Status export_text(RecordingSource& source, const std::string& folder) {
     rows.clear();
     return written;
   }));
-  // A recording that is replaced must not seem whole while its parts are of two recordings.
+  // A folder must not look complete while its files belong to two recordings.
   const std::string conf_path = folder + "/recording.conf";
   const std::string flags_path = folder + "/" + flags_csv_name;
   ::unlink(conf_path.c_str());

@@ -21,7 +21,7 @@ RecordingWriter::RecordingWriter(RecordingWriter&&) noexcept = default;
 
 RecordingWriter::~RecordingWriter() {
   if (!file_.is_open() || unusable_) return;
-  // Best effort: whoever needs to know calls sync() or finish().
+  // Best effort: a caller who needs certainty calls sync() or finish().
   static_cast<void>(write_pending().ok());
 }
 
@@ -75,7 +75,7 @@ Result<RecordingWriter> RecordingWriter::create(const std::string& path, const R
   TRY(check_info(info, path));
   RecordingWriter writer(TRY(PosixFile::create_new(path)), {.info = info});
   TRY(writer.file_.lock_exclusive());
-  // Twice, because without it nothing else can be read: one damaged record must not cost the recording.
+  // Written twice, because nothing else can be read without it: one damaged record must not cost the recording.
   for (int copy = 0; copy < 2; ++copy)
     TRY(writer.write_record(RecordType::info, [&](std::vector<std::byte>& out) { append_info(out, info); }));
   TRY(writer.file_.sync());
@@ -183,7 +183,7 @@ Status RecordingWriter::sync() {
   TRY(check_usable());
   TRY(write_pending());
   Status status = file_.sync();
-  // After a failed sync nobody knows what is on disk, also if a second one succeeds.
+  // After a failed sync the contents of the disk are unknown, even if a second sync succeeds.
   if (!status) unusable_ = true;
   return status;
 }

@@ -27,7 +27,7 @@ namespace {
 
 using ByteSpan = std::span<const std::byte>;
 
-constexpr std::uint64_t most_bytes = std::uint64_t{256} << 20;  // of a record or a chunk, whatever a header says
+constexpr std::uint64_t most_bytes = std::uint64_t{256} << 20;  // limit for a record or a chunk, whatever a header says
 
 constexpr std::int64_t second = 1'000'000'000, minute = 60 * second;  // ns
 
@@ -39,20 +39,20 @@ enum class Encoding { cdr, ros1, other };
 
 std::size_t aligned(std::size_t at, std::size_t step) { return (at + step - 1) & ~(step - 1); }
 
-// A sensor_msgs/Imu is a header and 37 doubles: orientation, angular_velocity and linear_acceleration, each with nine covariances behind it.
+// A sensor_msgs/Imu is a header and 37 doubles: orientation, angular_velocity and linear_acceleration, each followed by nine covariances.
 using ImuNumbers = std::array<double, 37>;
 constexpr std::array<std::size_t, 6> imu_places{13, 14, 15, 25, 26, 27};
 constexpr std::size_t orientation_w = 3;
-constexpr std::array<std::size_t, 3> covariance_places{4, 16, 28};  // -1 in it: not measured
+constexpr std::array<std::size_t, 3> covariance_places{4, 16, 28};  // a covariance of -1 means not measured
 
-// Numbers of a serialised message, one after the other. Once something was missing, good() is false and everything reads as 0.
+// Reads the numbers of a serialised message in order. After a read past the end, good() is false and every read returns 0.
 class MessageReader {
  public:
   MessageReader(ByteSpan data, Encoding encoding) : data_(data) {
     if (encoding == Encoding::ros1) return;
     const unsigned kind =
         data.size() < 4 ? 2 : 256 * std::to_integer<unsigned>(data[0]) + std::to_integer<unsigned>(data[1]);
-    good_ = kind == 0 || kind == 1 || kind == 6 || kind == 7;  // CDR, XCDR2; even: the most significant byte first
+    good_ = kind == 0 || kind == 1 || kind == 6 || kind == 7;  // CDR, XCDR2; even numbers are big-endian
     swapped_ = kind % 2 == 0;
     align_ = kind >= 6 ? 4 : 8;
     data_ = good_ ? data.subspan(4) : ByteSpan{};
@@ -83,7 +83,7 @@ class MessageReader {
   bool swapped_ = false, good_ = true;
 };
 
-// The stamp of a std_msgs/Header, in nanoseconds.
+// Reads the stamp of a std_msgs/Header in nanoseconds.
 std::int64_t read_header(MessageReader& message, Encoding encoding) {
   if (encoding == Encoding::ros1) message.get<std::uint32_t>();  // seq
   const std::int64_t seconds = message.get<std::int32_t>();
@@ -108,7 +108,7 @@ struct Reading {
 constexpr const char* imu_fields[] = {"angular_velocity.x",    "angular_velocity.y",    "angular_velocity.z",
                                       "linear_acceleration.x", "linear_acceleration.y", "linear_acceleration.z"};
 
-// Is given the messages of all topics, and keeps those of one unit.
+// Receives the messages of all topics and keeps those of one unit.
 class Collector {
  public:
   Collector(const std::string& path, const std::string& wanted, bool skip_bad)
@@ -133,7 +133,7 @@ class Collector {
   }
 
   bool skips_bad() const { return skip_bad_; }
-  // Is left out and counted, or an error.
+  // Returns an error, or counts the damage if it is to be skipped.
   Status damaged(const std::string& what) {
     Error error = input_error(path_ + ": " + what);
     if (!skip_bad_) return error;
@@ -159,7 +159,7 @@ class Collector {
     constexpr std::int64_t year_2000 = 946'684'800 * second;
     if (times.front() > year_2000) result_.started_utc_s = times.front() / second;
     NumberColumn t{"t", std::vector<double>(times.size())};
-    // Stamps of a damaged bag may be anywhere: unsigned numbers may wrap.
+    // Stamps of a damaged bag may have any value: unsigned arithmetic may wrap.
     const auto since_first = [first = std::uint64_t(times.front())](std::int64_t time) {
       return 1e-9 * double(std::int64_t(std::uint64_t(time) - first));
     };
@@ -200,8 +200,8 @@ class Collector {
     if (message.good() && std::isfinite(celsius)) temperatures_[topic.name].push_back({stamp, recorded_ns, celsius});
   }
 
-  // In the order of recording, which a file need not have; as they are where their stamps grow (the recorder's clock may have been set).
-  // Without those that have no stamp where others have one; the clock of a simulation begins at 0, though.
+  // Sorts the messages by time of recording unless their stamps increase already (the recorder's clock may have been set). Drops messages without
+  // a stamp if others have one, except a first stamp of 0, where a simulation's clock begins.
   Status keep_in_order() {
     std::vector<std::size_t> order(stamps_.size()), kept;
     std::iota(order.begin(), order.end(), 0);
@@ -224,7 +224,7 @@ class Collector {
     if (std::ranges::is_sorted(kept) && kept.size() == stamps_.size()) return {};
     for (auto& values : values_) keep(values);
     keep(stamps_), keep(recorded_);
-    // Their numbers are of that order, too; what is left out leaves its own.
+    // Renumbers the messages in the new order; a dropped message takes its number with it.
     std::vector<std::int64_t> numbers = std::move(result_.message);
     std::ranges::sort(numbers);
     result_.message.clear();
@@ -233,7 +233,7 @@ class Collector {
     return {};
   }
 
-  // Of several thermometers the one whose name has most in common with the unit's.
+  // Of several thermometers, takes the topic that shares the longest beginning with the unit's.
   void add_temperature(const std::vector<std::int64_t>& times) {
     const auto common = [&](const auto& entry) {
       return std::ranges::mismatch(entry.first, unit_->name).in1 - entry.first.begin();
@@ -288,7 +288,7 @@ class Collector {
 
 class Decompressor {
  public:
-  // The `size` bytes that were compressed, until the next call; nothing where they are damaged.
+  // Returns the `size` decompressed bytes, valid until the next call; nothing if they are damaged.
   std::optional<ByteSpan> operator()(std::string_view compression, ByteSpan data, std::uint64_t size) {
     if (compression.empty() || compression == "none") return data.size() == size ? std::optional(data) : std::nullopt;
     if (size > most_bytes) return {};
@@ -331,7 +331,7 @@ class Decompressor {
   std::unique_ptr<LZ4F_dctx, LZ4F_errorCode_t (*)(LZ4F_dctx*)> lz4_{new_lz4(), LZ4F_freeDecompressionContext};
 };
 
-// What MCAP and rosbag1 have in common: records one after the other, some of them chunks of compressed ones.
+// The common part of MCAP and rosbag1: a sequence of records, some of which are chunks of compressed records.
 class RecordReader {
  public:
   RecordReader(const PosixFile& file, std::uint64_t size, Collector& collector)
@@ -351,7 +351,7 @@ class RecordReader {
 
   std::uint64_t left() const { return window_.end() - at_; }
   void skip(std::uint64_t count) { at_ += std::min(count, left()); }
-  // REQUIRES count <= left(). Valid until the next call.
+  // REQUIRES: count <= left(). Valid until the next call.
   Result<ByteSpan> take_bytes(std::uint64_t count) {
     const ByteSpan bytes = TRY(window_.at(at_, count));
     if (bytes.size() < count) return input_error(file_.path() + ": became shorter while it was read");
@@ -360,7 +360,7 @@ class RecordReader {
   }
 
   Collector& collector_;
-  std::uint64_t at_ = 0, begun_ = 0;  // begun_: the record
+  std::uint64_t at_ = 0, begun_ = 0;  // begun_: start of the current record
 
  private:
   const PosixFile& file_;
@@ -465,7 +465,7 @@ class McapReader : public RecordReader {
   std::map<std::uint16_t, Topic*> channels_;
 };
 
-// rosbag1: a line of magic, then records of a header (fields `name=value`) and data, each after its length (u32).
+// rosbag1: a line of magic, then records of a header (fields `name=value`) and data, each preceded by its length (u32).
 class Rosbag1Reader : public RecordReader {
  public:
   using RecordReader::RecordReader;
@@ -513,7 +513,7 @@ class Rosbag1Reader : public RecordReader {
       connections_[*id] =
           &collector_.topic(text_of(field(header, "topic")), text_of(field(data, "type")), Encoding::ros1);
     if (op != message) return {};
-    const auto time = number<std::uint64_t>(header, "time");  // seconds in the lower half, nanoseconds in the upper
+    const auto time = number<std::uint64_t>(header, "time");  // lower half: seconds; upper half: nanoseconds
     const auto at = connections_.find(id.value_or(0));
     if (!id || !time || at == connections_.end())
       return damaged("a message without time, or of a connection that is not there");
@@ -537,7 +537,7 @@ class Rosbag1Reader : public RecordReader {
   std::map<std::uint32_t, Topic*> connections_;
 };
 
-// rosbag2's own: an SQLite database with the tables topics and messages. The schema is somebody else's: no views, no functions of it.
+// rosbag2: an SQLite database with the tables topics and messages. Its schema is not trusted: its views and functions are not used.
 class Rosbag2Reader {
  public:
   Rosbag2Reader(const std::string& path, Collector& collector) : path_(path), collector_(collector) {}
@@ -550,15 +550,15 @@ class Rosbag2Reader {
     sqlite3_db_config(handle, SQLITE_DBCONFIG_TRUSTED_SCHEMA, 0, nullptr);
     sqlite3_db_config(handle, SQLITE_DBCONFIG_ENABLE_VIEW, 0, nullptr);
     if (collector_.skips_bad())
-      sqlite3_db_config(handle, SQLITE_DBCONFIG_WRITABLE_SCHEMA, 1, nullptr);          // opens what is cut off
-    sqlite3_exec(handle, "PRAGMA mmap_size = 2147418112", nullptr, nullptr, nullptr);  // half the time
+      sqlite3_db_config(handle, SQLITE_DBCONFIG_WRITABLE_SCHEMA, 1, nullptr);          // also opens a truncated file
+    sqlite3_exec(handle, "PRAGMA mmap_size = 2147418112", nullptr, nullptr, nullptr);  // halves the time
     sqlite3_limit(handle, SQLITE_LIMIT_LENGTH, int(most_bytes));
     TRY(each("SELECT id, name, type, serialization_format FROM topics", [&](sqlite3_stmt* row) {
       const Encoding encoding = text_of(blob(row, 3)) == "cdr" ? Encoding::cdr : Encoding::other;
       topics_[sqlite3_column_int64(row, 0)] = &collector_.topic(text_of(blob(row, 1)), text_of(blob(row, 2)), encoding);
       return Status();
     }));
-    // As they were written; by an index on the times the disk would jump.
+    // In the order of writing; reading by time would cause random access to the disk.
     return each("SELECT topic_id, timestamp, data FROM messages ORDER BY id", [&](sqlite3_stmt* row) -> Status {
       const auto at = topics_.find(sqlite3_column_int64(row, 0));
       if (at == topics_.end()) return collector_.damaged("a message of a topic that is not there");
@@ -586,7 +586,7 @@ class Rosbag2Reader {
     return step == SQLITE_DONE ? Status() : collector_.damaged(refusal().message.substr(path_.size() + 2));
   }
 
-  // `ros2 bag record --compression-mode message` makes each a zstd frame.
+  // With `ros2 bag record --compression-mode message` every message is a zstd frame.
   Status take(Topic& topic, std::int64_t recorded_ns, ByteSpan data) {
     constexpr std::string_view zstd_magic = "\x28\xB5\x2F\xFD";
     if (!text_of(data).starts_with(zstd_magic)) return collector_.take(topic, recorded_ns, data);
@@ -603,7 +603,7 @@ class Rosbag2Reader {
   std::map<std::int64_t, Topic*> topics_;
 };
 
-// Of a rosbag2 folder those that metadata.yaml lists, in its order: lines `- bag_0.db3` below relative_file_paths.
+// Returns the files of a rosbag2 folder in the order of metadata.yaml: lines `- bag_0.db3` below relative_file_paths.
 Result<std::vector<std::string>> files_of(const std::string& path) {
   const std::string metadata = path + "/metadata.yaml";
   if (!path_exists(metadata)) return std::vector<std::string>{path};
@@ -643,7 +643,7 @@ void append_record(Bytes& out, mcap::Op op, const Fields&... fields) {
   std::memcpy(out.data() + at, &length, sizeof length);
 }
 
-// A message in CDR: its header, and doubles.
+// Returns a message in CDR: its header, then doubles.
 Bytes message_of(std::int64_t stamp_ns, std::span<const double> numbers) {
   constexpr std::size_t encapsulation = 4;
   Bytes out{std::byte{0}, std::byte{1}, std::byte{0}, std::byte{0}};
@@ -665,7 +665,7 @@ constexpr std::array<WrittenTopic, 2> written_topics{
       "geometry_msgs/Vector3 linear_acceleration\nfloat64[9] linear_acceleration_covariance\n"},
      {"/imu/temperature", "sensor_msgs/msg/Temperature", "float64 temperature\nfloat64 variance\n"}}};
 
-// With the types that it is made of, as a bag has it (https://mcap.dev/spec/registry#ros2msg).
+// Returns a message definition with the types it is made of, as a bag has it (https://mcap.dev/spec/registry#ros2msg).
 std::string definition_of(const WrittenTopic& topic) {
   std::string text = fmt::format("std_msgs/Header header\n{}", topic.fields);
   for (const auto& [type, fields] :
@@ -677,7 +677,7 @@ std::string definition_of(const WrittenTopic& topic) {
   return text;
 }
 
-// Chunks of zstd with checksums and indexes, and the summary by which readers find them.
+// Writes zstd chunks with checksums and indexes, and the summary by which readers find them.
 class McapWriter {
  public:
   McapWriter(AtomicFile& file, std::size_t topics) : file_(file), counts_(topics), index_(topics) {
@@ -724,7 +724,7 @@ class McapWriter {
   void append_topics() {
     for (std::uint16_t topic = 0; topic < std::uint16_t(counts_.size()); ++topic) {
       const WrittenTopic& row = written_topics[topic];
-      const auto schema = std::uint16_t(topic + 1);  // 0 says that there is none
+      const auto schema = std::uint16_t(topic + 1);  // 0 means no schema
       append_record(out_, mcap::schema, schema, row.type, std::string_view("ros2msg"),
                     std::string_view(definition_of(row)));
       append_record(out_, mcap::channel, topic, schema, row.name, std::string_view("cdr"), std::uint32_t{0});
@@ -763,8 +763,8 @@ class McapWriter {
 
   AtomicFile& file_;
   Bytes out_, chunk_, chunk_indexes_;
-  std::vector<std::uint64_t> counts_;  // of each topic
-  std::vector<Bytes> index_;           // of the chunk, of each topic: time and place of each message
+  std::vector<std::uint64_t> counts_;  // messages per topic
+  std::vector<Bytes> index_;           // of the chunk, per topic: time and place of each message
   std::uint64_t written_ = 0, first_ = 0, last_ = 0;
   std::optional<std::uint64_t> begin_;
   std::uint32_t chunks_ = 0;
@@ -796,7 +796,7 @@ Status write_imu_mcap(RecordingSource& source, const SampleColumns& columns, con
   AtomicFile file = TRY(AtomicFile::create(path));
   const bool warm = columns.names.size() > 7;
   McapWriter writer(file, warm ? 2 : 1);
-  const std::int64_t start_ns = source.info().started_utc_s.value_or(1) * second;  // 0: no stamp
+  const std::int64_t start_ns = source.info().started_utc_s.value_or(1) * second;  // 0 would mean no stamp
   std::vector<double> row(columns.names.size());
   ImuNumbers numbers{};
   numbers[orientation_w] = 1.0;

@@ -18,13 +18,13 @@ namespace {
 
 constexpr std::string_view magic = "TCST";
 constexpr std::uint32_t version = 1;
-constexpr Eigen::Index most_columns = 2000;  // of a file that is not damaged: the catalogue has some two hundred
+constexpr Eigen::Index most_columns = 2000;  // limit for an undamaged file: the catalogue has some two hundred columns
 
 void append_three(std::vector<std::byte>& out, std::uint32_t bits) {
   for (int k = 0; k < 3; ++k) append_bytes(out, std::uint8_t(bits >> (8 * k)));
 }
 
-// Three bytes, of the four of a float the upper ones: 16 bits of mantissa.
+// Writes the upper three bytes of a float: a mantissa of 16 bits.
 void append_short(std::vector<std::byte>& out, float value) {
   append_three(out, (std::bit_cast<std::uint32_t>(value) + 0x80) >> 8);
 }
@@ -35,7 +35,7 @@ std::uint32_t get_three(ByteReader& reader) {
 }
 float get_short(ByteReader& reader) { return std::bit_cast<float>(get_three(reader) << 8); }
 
-// A correlation in three bytes, to 1.2e-7.
+// Writes a correlation in three bytes, with a resolution of 1.2e-7.
 constexpr double correlation_steps = 8388607.0;
 void append_correlation(std::vector<std::byte>& out, double value) {
   const auto bits = std::uint32_t(std::int32_t(std::lround(std::clamp(value, -1.0, 1.0) * correlation_steps)));
@@ -50,7 +50,7 @@ double get_correlation(ByteReader& reader) {
 
 Result<std::vector<std::byte>> format_statistics(const StatisticsFile& s) {
   ParameterFile file = s.file;
-  // The covariance stands in parameters.conf, and takes half of its text.
+  // The covariance is in parameters.conf, where it is half of the text.
   std::erase_if(file.further, [](const auto& key) { return key.first.starts_with("quality.covariance"); });
   const std::string text = TRY(format_parameter_file(file));
   const UnitStatistics& u = s.statistics;
@@ -61,7 +61,7 @@ Result<std::vector<std::byte>> format_statistics(const StatisticsFile& s) {
   for (const auto* const values : {&u.value, &u.sigma})
     for (const double value : *values) append_bytes(out, value);
   append_bytes(out, u.level);
-  // What the recording cannot see is left out.
+  // Columns that the recording cannot observe are left out.
   std::vector<Eigen::Index> seen;
   std::string names;
   for (Eigen::Index k = 0; k < u.s.size(); ++k) {
