@@ -14,14 +14,14 @@
 
 namespace turncal::rig_model {
 
-// The air of a chamber about the unit, and what it does to the unit. Nothing acts before the first command.
+// The air of a chamber around the unit and its effect on the unit. It is inactive before the first command.
 //
-//   r    where the controller wants the air: goes to the set point at the ramp; the chamber off: to the room (T_start) with tau_off
-//   air  a'' + 2 z w a' + w^2 (a - r) = 0, w = 1/40 s, z = 0.6: overshoots a step by a tenth of it, a ramp's end by less
+//   r    reference of the controller: follows the set point at the ramp rate; chamber off: decays to the room (T_start) with tau_off
+//   air  a'' + 2 z w a' + w^2 (a - r) = 0, w = 1/40 s, z = 0.6: overshoots a step by a tenth of it, the end of a ramp by less
 //   unit u' = (air - u) / tau_unit
 //
-// The unit's temperature is that of rig_config.h and what u differs from the room. One step a sample, semi-implicit Euler.
-// Not modelled: the unit's heat in the air, a chamber that cannot keep up, dew.
+// The unit has the temperature of rig_config.h plus (u - room). One step per sample, semi-implicit Euler.
+// Not modelled: the heat of the unit in the air, the limits of a chamber's power, dew.
 struct RigClimate {
   bool active = false, on = false;
   double room_c = 24.0;
@@ -37,7 +37,7 @@ struct RigClimate {
     ramp_c_per_min = ramp;
     on = switched_on;
   }
-  // more_c: by how much hotter the air is driven than its controller wants.
+  // more_c: excess of the air temperature over the controller's reference.
   void step(double dt_s, double more_c) {
     if (on)
       wanted_c += std::clamp(set_point_c - wanted_c, -ramp_c_per_min / 60.0 * dt_s, ramp_c_per_min / 60.0 * dt_s);
@@ -48,10 +48,10 @@ struct RigClimate {
     unit_c += dt_s * unit_rate();
   }
   double unit_rate() const { return (air_c - unit_c) / tau_unit_s; }   // C/s
-  double of_unit_c() const { return active ? unit_c - room_c : 0.0; }  // beyond what it is without a chamber
+  double of_unit_c() const { return active ? unit_c - room_c : 0.0; }  // relative to a unit without a chamber
 };
 
-// What a rig is at a moment, and how it gets to the next sample.
+// The state of a rig, and the step to the next sample.
 struct RigState {
   explicit RigState(const RigConfig& given);
 
@@ -65,9 +65,9 @@ struct RigState {
   TriadNoise gyro_noise_source, accel_noise_source;
 
   RigClimate climate;
-  std::optional<double> dead_sensor_c;  // what it read last
+  std::optional<double> dead_sensor_c;  // the last reading
 
-  std::int64_t k = 0;  // samples passed: the next one is sample k
+  std::int64_t k = 0;  // samples passed; the next one is sample k
   std::array<RigAxis, 3> axes;
   struct Command {
     double target_deg = 0.0, acceleration_degps2 = 10.0, started_s = 0.0;
@@ -82,13 +82,13 @@ struct RigState {
     std::int64_t sample;
     RigFault fault;
   };
-  std::vector<Event> events;  // of the table, by sample
+  std::vector<Event> events;  // of the table, in the order of samples
   std::size_t next_event = 0;
   std::vector<RigFault> unit_faults;
-  std::int64_t counter_shift = 0;      // hidden losses and duplicates
+  std::int64_t counter_shift = 0;      // from hidden losses and duplicates
   std::optional<ImuSample> duplicate;  // to be delivered next
 
-  // At rest nothing but noise and the running effects changes from sample to sample.
+  // At rest only noise and the running effects change from sample to sample.
   bool standing_is_known = false;
   BodyMotion standing_motion;
   Reading standing_reading;
@@ -139,8 +139,8 @@ namespace {
 
 constexpr double arcsec = pi / 180.0 / 3600.0;
 
-// Gauss-Legendre on (0, 1), exact for polynomials to degree 5. At 100 deg/s a sample turns half a degree, and the error
-// of a sample is below 1e-19 of its increment.
+// Gauss-Legendre nodes on (0, 1), exact for polynomials up to degree 5. At 100 deg/s a sample covers half a degree, and its
+// quadrature error is below 1e-19 of the increment.
 constexpr std::array<double, 3> node = {0.11270166537925831148, 0.5, 0.88729833462074168852};
 constexpr std::array<double, 3> weight = {5.0 / 18.0, 8.0 / 18.0, 5.0 / 18.0};
 
@@ -462,7 +462,7 @@ Rig::ChamberState Rig::chamber() const {
   const auto has = [&](RigFaultKind kind) { return s.fault_in_force(kind) != nullptr; };
   const RigClimate& climate = s.climate;
   const RigFault* const hot = s.fault_in_force(RigFaultKind::chamber_overheats);
-  // Its sensor sits where the air is as it should be.
+  // While the chamber overheats, its sensor is where the air has the wanted temperature.
   const double seen_c = climate.active ? (hot ? climate.wanted_c : climate.air_c) : s.config.temperature.start_c;
   if (!has(RigFaultKind::chamber_sensor_dead))
     s.dead_sensor_c.reset();
@@ -506,7 +506,7 @@ double Rig::time_s() const { return state_->time_s(); }
 const std::array<double, 24>& Rig::truth() const { return state_->truth; }
 
 std::array<double, 24> Rig::truth_at_reference(double reference_c) const {
-  // reading_i = true_i (1 + s (T - T_old)) + c (T - T_old): divide row i by its factor at the new reference.
+  // reading_i = true_i (1 + s (T - T_old)) + c (T - T_old): row i is divided by its factor at the new reference.
   const RigConfig& config = state_->config;
   const double change_c = reference_c - config.temperature.reference_c.value_or(config.temperature.start_c);
   std::array<double, 24> moved = state_->truth;

@@ -39,14 +39,14 @@ AxisProfile AxisProfile::move(double position_deg, double rate_degps, double tar
   const double way_deg = target_deg - profile.end_deg_;
   const double distance_deg = std::abs(way_deg);
   const double acceleration = std::copysign(acceleration_degps2, way_deg);
-  const double ramp_deg = max_rate_degps * max_rate_degps / acceleration_degps2;  // up and down together
+  const double ramp_deg = max_rate_degps * max_rate_degps / acceleration_degps2;  // speeding up plus slowing down
   const bool cruises = distance_deg > ramp_deg;
   const double peak_degps = cruises ? max_rate_degps : std::sqrt(distance_deg * acceleration_degps2);
   const double ramp_s = peak_degps / acceleration_degps2;
   profile.append(ramp_s, acceleration);
   if (cruises) profile.append((distance_deg - ramp_deg) / max_rate_degps, 0.0);
   profile.append(ramp_s, -acceleration);
-  profile.end_deg_ = target_deg;  // the sum above differs from it by rounding only
+  profile.end_deg_ = target_deg;  // the sum of the phases differs only by rounding
   profile.end_rate_degps_ = 0.0;
   return profile;
 }
@@ -69,7 +69,7 @@ AxisPoint AxisProfile::at(double time_s) const {
 namespace {
 
 constexpr double rad_per_deg = pi / 180.0;
-constexpr double creep_lasts_tau = 40.0;  // exp(-40) of an arc second is nothing in double precision
+constexpr double creep_lasts_tau = 40.0;  // exp(-40) of an arc second is below double precision
 
 }  // namespace
 
@@ -96,7 +96,7 @@ void RigAxis::replace_command(std::int64_t k, const AxisProfile& profile) {
     creep_direction_ = profile.last_direction();
   }
   if (profile.duration_s() > 0.0 || running(command_, k)) {
-    // A motion that is replaced ends with the one that replaces it.
+    // A motion that is interrupted ends with the one that replaces it.
     motion_end_s_ = double(k) * period_s_ + profile.duration_s();
     command_end_s_ = motion_end_s_;
   }
@@ -107,7 +107,7 @@ void RigAxis::replace_command(std::int64_t k, const AxisProfile& profile) {
 
 void RigAxis::move(std::int64_t k, double target_deg, double rate_degps, double acceleration_degps2) {
   const AxisPoint now = reading(k, 0.0);
-  if (!turning(k) && now.position_deg == target_deg) return;  // already there: creep goes on
+  if (!turning(k) && now.position_deg == target_deg) return;  // already there: creep continues
   replace_command(k, AxisProfile::move(now.position_deg, now.rate_degps, target_deg, rate_degps, acceleration_degps2));
 }
 
@@ -153,7 +153,7 @@ TrueAxis RigAxis::truth(std::int64_t k, double offset_s) const {
     const double order = encoder_.order;
     const double size_deg = encoder_.harmonic_arcsec / 3600.0;
     const SinCos a = sin_cos_deg(order * e.position_deg + encoder_.phase_deg);
-    const double slope = order * rad_per_deg;  // of the argument, rad per degree of reading
+    const double slope = order * rad_per_deg;  // of the argument: rad per degree of reading
     angle_deg += size_deg * a.sin;
     rate_degps += size_deg * slope * e.rate_degps * a.cos;
     acceleration_degps2 +=

@@ -1,4 +1,4 @@
-// Every key of RigConfig once, with its range. docs/rig.md is the list of keys; a test holds the two against each other.
+// Reads every key of RigConfig with its range. docs/rig.md lists the keys; a test compares the two.
 #include <algorithm>
 #include <cmath>
 
@@ -10,7 +10,7 @@
 namespace turncal {
 namespace {
 
-// No quantity of the rig is larger in its unit: more is a slip, and what is computed of it means nothing.
+// Limit for every quantity of the rig in its unit. A larger value is a mistake and gives meaningless results.
 constexpr double largest = 1e9;
 constexpr NumberRange any_size{-largest, largest};
 constexpr NumberRange above_zero{0.0, largest, true};
@@ -18,7 +18,7 @@ constexpr NumberRange zero_or_more{0.0, largest};
 constexpr double last_utc_s = 253402300799.0;  // the end of the year 9999
 constexpr std::int64_t most_counter = max_counter / 2;
 
-const std::initializer_list<std::string_view> table_axes = {"heading", "pitch", "roll"};  // as Axis
+const std::initializer_list<std::string_view> table_axes = {"heading", "pitch", "roll"};  // in the order of Axis
 
 void read_sensor_axis(KeyTable& keys, const std::string& key, int& axis) { keys.chosen(key, axis, {"x", "y", "z"}); }
 
@@ -135,7 +135,7 @@ void read_outside(KeyTable& keys, RigOutsideEffects& outside) {
   keys.number("outside.accel_hysteresis.size_ug", outside.accel_hysteresis.size_ug);
 }
 
-// Only the keys that mean something for the kind are asked for, so that the others are unknown keys.
+// Asks only for the keys that apply to the kind of fault, so that others are reported as unknown.
 void read_fault(KeyValueFile& file, const std::string& prefix, RigFault& fault) {
   KeyTable keys(file, any_size);
   const std::optional<RigFaultKind> named = enum_from<RigFaultKind>(file.text(prefix + "kind"));
@@ -235,7 +235,7 @@ RigConfig rig_of_unit(const RigConfig& config, std::size_t unit) {
   std::erase_if(own.faults,
                 [unit](const RigFault& fault) { return concerns_unit(fault.kind) && fault.unit != int(unit) + 1; });
   if (unit == 0) return own;
-  const std::uint64_t apart = std::uint64_t(unit) * 0xA0761D6478BD642FULL;  // odd: no two units the same
+  const std::uint64_t apart = std::uint64_t(unit) * 0xA0761D6478BD642FULL;  // odd factor: all units differ
   own.unit_seed = config.unit_seed.value_or(config.seed) ^ apart;
   own.noise_seed = config.noise_seed.value_or(config.seed) ^ apart;
   own.unit_serial.clear();

@@ -58,7 +58,7 @@ Status RigTable::connect() {
   before_();
   if (rig_.link_lost()) return table_error("link lost");
   connected_ = true;
-  enabled_ = {};  // whoever comes back finds it not ready; a motion under way goes on
+  enabled_ = {};  // after a new connection the table is not enabled; a motion in progress continues
   homing_ = {};
   update();
   return {};
@@ -211,7 +211,7 @@ Result<std::size_t> RigImu::read(std::span<ImuSample> out, double timeout_s) {
     open_ = false;
     return device_error("simulated unit: the link was lost at " + std::to_string(rig_.time_s()) + " s of rig time");
   }
-  // The small addend: 0.1 s of 5 ms samples are 20, whatever the division rounds to.
+  // The small term makes 0.1 s of 5 ms samples 20, whatever the rounding of the division.
   const double wanted = std::floor(timeout_s / rig_.config().sample_period_s + 1e-6);
   const double room = double(out.size());
   const std::int64_t samples = wanted > 0.0 ? std::int64_t(std::min(wanted, room)) : 0;

@@ -1,9 +1,9 @@
-// RigTable: the mock table. The rig's axes behind the interface that every table driver has.
+// RigTable: the mock table. It gives the rig's axes the interface of every table driver.
 //
-// It has the manners of a real one: connect, enable and home before a move; limits on angle, rate and acceleration; one
-// move an axis at a time; faults latched until clear_fault(); an emergency stop latched until the operator has released
-// it (Rig::release_emergency_stop) and clear_fault() was called. After clear_fault() the axes are not enabled. status()
-// reads the encoder (rounded to its resolution) and never moves time. raw: bit 0 enabled, 1 homed, 2 moving,
+// It behaves like a real table: it must be connected, enabled and homed before a move; angle, rate and acceleration are limited; an axis
+// makes one move at a time; faults are latched until clear_fault(); an emergency stop is latched until the operator has released
+// it (Rig::release_emergency_stop) and clear_fault() is called. clear_fault() leaves the axes disabled. status()
+// reads the encoder (rounded to its resolution); time does not pass. raw: bit 0 enabled, 1 homed, 2 moving,
 // 3 in position, 4 limit, 5 fault, 6 emergency stop, 7 homing.
 #pragma once
 
@@ -21,7 +21,7 @@ namespace turncal {
 class RigTable : public Turntable {
  public:
   explicit RigTable(Rig& rig) : RigTable({&rig}, [] {}) {}  // the rig must outlive the table
-  // Of several that are commanded alike, and so are alike; `before`: what every call begins with.
+  // Commands several rigs alike, so that they stay alike. `before` is called at the start of every call.
   RigTable(std::vector<Rig*> rigs, std::function<void()> before)
       : rigs_(std::move(rigs)), rig_(*rigs_.front()), before_(std::move(before)) {}
 
@@ -36,13 +36,13 @@ class RigTable : public Turntable {
   Result<AxisStatus> status(Axis axis) override;
 
  private:
-  Status reachable();       // connected and the link holds
-  Status ready(Axis axis);  // and no emergency stop, no fault, enabled
-  void update();            // notes what has happened in the rig since the last call
+  Status reachable();       // connected, and the link is up
+  Status ready(Axis axis);  // reachable, enabled, no emergency stop, no fault
+  void update();            // takes over what happened in the rig since the last call
   bool in_position(Axis axis, const Rig::AxisState& state) const;
 
   std::vector<Rig*> rigs_;
-  Rig& rig_;  // the first: what is read
+  Rig& rig_;  // the first one, which is read
   std::function<void()> before_;
   bool connected_ = false;
   std::array<bool, 3> enabled_{};
@@ -51,10 +51,10 @@ class RigTable : public Turntable {
   double homing_ends_s_ = 0.0;
 };
 
-// RigImu: the unit on the rig as an ImuSource. read() is what makes the rig's time pass.
+// RigImu: the unit on the rig as an ImuSource. Only read() makes the rig's time pass.
 //
-// read(out, timeout_s) advances the rig by min(out.size(), floor(timeout_s / period)) samples at most, and returns
-// them; nothing else advances time. Where a fault loses samples fewer come back than time has passed, and none at all
+// read(out, timeout_s) advances the rig by at most min(out.size(), floor(timeout_s / period)) samples and returns
+// them. When a fault loses samples, fewer are returned than periods have passed, and none
 // while the unit is silent.
 class RigImu : public ImuSource {
  public:
@@ -62,7 +62,7 @@ class RigImu : public ImuSource {
 
   Status open() override;
   Result<ImuIdentity> identify() override;
-  // pulses, period and pulse weight of the rig's configuration, temperature, simulated = true.
+  // Pulses, period and pulse weight of the rig's configuration, with temperature, simulated = true.
   void describe(RecordingInfo& info) const override;
   Result<std::size_t> read(std::span<ImuSample> out, double timeout_s) override;
   ImuLinkCounters counters() const override;

@@ -1,11 +1,11 @@
-// What the rig's sensors can be made to do beyond the 24 parameters: the catalogue of docs/diagnosis.md, and
-// effects outside it that no entry of the catalogue describes.
+// The sensor effects of the rig beyond the 24 parameters: the catalogue of docs/diagnosis.md, and
+// effects that no entry of the catalogue describes.
 //
 // Convention for every entry. The sensor's counts satisfy
 //   n * counts - N0 = w + (sum of gyro effects)       a * counts - A0 = f + (sum of accelerometer effects)
 // per unit time, where w = w_ib_b [rad/s] and f = f_b [m/s^2, or g where the table says so] are true and in body axes.
-// A positive coefficient makes the calibrated sensor read high. Effects are first order: each one is computed from the
-// true f and w, never from another effect's output. i is the sensor's own axis.
+// A positive coefficient makes the calibrated sensor read high. Effects are first order: each is computed from the
+// true f and w, never from the output of another effect. i is the sensor's own axis.
 //
 //   accel_second_order K       + K 1e-6 g0 f_i^2                    ug/g^2   f in g
 //   accel_scale_asymmetry c    + c 1e-6 g0 abs(f_i)                 ppm
@@ -27,7 +27,7 @@
 //   gyro_bias_temperature_rate c   + c dT/dt                        deg/h/(C/h)
 //   gyro_warm_up c             + c exp(-t/tau_s)                    deg/h
 //   gyro_magnetic M            + M B_b                              deg/h/G  B_b the site's field in body axes
-//   earth_rate                 + C_bn (north, up, 0)                deg/h    more earth rate than stated
+//   earth_rate                 + C_bn (north, up, 0)                deg/h    error of the stated earth rate
 //   post_rotation_relaxation c + c 1e-6 exp(-t/tau_s) f_i           ug/g     t from the true end of the last motion;
 //                                                                            zero before the first, and moving
 //   gyro_accel_flexure E       + (E f) x w                          arcsec/g row: component of the rotation vector E f
@@ -76,17 +76,17 @@ struct RigEffects {
   Triple accel_bias_temperature_rate{};
 };
 
-// "accel_second_order.x" and so on, every coefficient of the catalogue in its order (tau_s is not a coefficient).
+// Returns "accel_second_order.x" and so on: every coefficient in the order of the catalogue (tau_s is not a coefficient).
 std::vector<std::string> rig_effect_keys();
-// The coefficient of that key, or nullptr if there is no such key; "gyro_warm_up.tau_s" and
-// "post_rotation_relaxation.tau_s" are accepted here.
+// Returns the coefficient of a key, or nullptr if there is no such key. "gyro_warm_up.tau_s" and
+// "post_rotation_relaxation.tau_s" are accepted, too.
 double* find_effect(RigEffects& effects, std::string_view key);
-// Keys and values of all coefficients that are not zero.
+// Returns the keys and values of all coefficients that are not zero.
 std::vector<std::pair<std::string, double>> nonzero_effects(const RigEffects& effects);
 
-// Effects outside the catalogue, one of each kind; off while their size is zero. axis: 0 x, 1 y, 2 z of the sensors.
+// Effects outside the catalogue, one of each kind; a size of zero switches one off. axis: 0 x, 1 y, 2 z of the sensors.
 struct RigOutsideEffects {
-  struct Step {  // bias + size from time_s on
+  struct Step {  // + size on the bias from time_s on
     int axis = 0;
     double time_s = 0.0;
     double size = 0.0;  // deg/h for the gyro, ug for the accelerometer
@@ -104,8 +104,8 @@ struct RigOutsideEffects {
     double period_s = 600.0;
     double phase_deg = 0.0;
   } accel_time_periodic;
-  // + size * s, s = sign of f_i when abs(f_i) was last above 0.5 g (0 before that): the sensor remembers which way up
-  // it was. s changes only at the end of a sample.
+  // + size * s, where s is the sign that f_i had when abs(f_i) last exceeded 0.5 g (0 before that): the sensor remembers which way
+  // up it was. s changes only at the end of a sample.
   struct Hysteresis {
     int axis = 0;
     double size_ug = 0.0;

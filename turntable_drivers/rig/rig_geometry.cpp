@@ -8,7 +8,7 @@ namespace {
 using Eigen::Matrix3d;
 using Eigen::Vector3d;
 
-// Coordinates of v after the frame has been turned by the angle about one axis: the transposed rotation times v.
+// Returns the coordinates of v after a rotation of the frame about one axis: the transposed rotation matrix times v.
 Vector3d into_x(const SinCos& a, const Vector3d& v) {
   return {v[0], a.cos * v[1] + a.sin * v[2], -a.sin * v[1] + a.cos * v[2]};
 }

@@ -1,13 +1,13 @@
-// Geometry of the table: true axis angles and their derivatives -> what the unit on the inner axis feels.
+// The geometry of the table: from the true axis angles and their derivatives to what the unit on the inner axis feels.
 //
 //   C_nb = R(base) Ry(-H) Rx(heading_pitch) Rz(P) Ry(pitch_roll) Rx(R) R(mounting),   v_n = C_nb v_b
 //
-// Rx, Ry, Rz: rotation by a positive (right-handed) angle about that axis, as matrices that take coordinates of the
-// rotated frame to the frame before. R(v): Rodrigues' rotation by the vector v. n = north, up, east; H clockwise from
-// above. Rates add up along the chain, the heading axis turning with -H' about y:
+// Rx, Ry, Rz: rotation by a positive (right-handed) angle about that axis, as matrices that transform coordinates of the
+// rotated frame to the frame before. R(v): Rodrigues' rotation by the vector v. n = north, up, east; H is clockwise from
+// above. Rates add up along the chain; the heading axis turns with -H' about y:
 //   u1 = -H' y                                 u2 = P' z + Rz(P)' Rx(heading_pitch)' u1
 //   u3 = R' x + Rx(R)' Ry(pitch_roll)' u2      w_nb_b = R(mounting)' u3
-// (a prime on a matrix: transposed), and their time derivatives follow with d/dt (Rz(P)' v) = Rz' v' - P' z x (Rz' v).
+// (a prime on a matrix: transpose), and their time derivatives follow from d/dt (Rz(P)' v) = Rz' v' - P' z x (Rz' v).
 // w_ib_b = w_nb_b + C_bn w_ie_n, and since w_ie_n is constant w_ib_b' = w_nb_b' - w_nb_b x C_bn w_ie_n.
 #pragma once
 
@@ -20,9 +20,9 @@
 
 namespace turncal::rig_model {
 
-using RowMajor3 = Eigen::Matrix<double, 3, 3, Eigen::RowMajor>;  // nine numbers, row by row
+using RowMajor3 = Eigen::Matrix<double, 3, 3, Eigen::RowMajor>;  // nine numbers, row-major
 
-// True angle of one axis and its derivatives, rad.
+// The true angle of one axis and its derivatives, in rad.
 struct TrueAxis {
   SinCos angle;
   double rate_radps = 0.0;

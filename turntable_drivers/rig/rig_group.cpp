@@ -33,8 +33,8 @@ struct RigGroup::Member : public ImuSource {
   RigImu imu;
   bool is_open = false;
   std::deque<ImuSample> waiting;
-  std::int64_t seen = 0;            // periods whose samples were read, or are lost
-  std::optional<double> lost_at_s;  // unplugged then, and not yet said
+  std::int64_t seen = 0;            // periods whose samples were read or lost
+  std::optional<double> lost_at_s;  // time of unplugging, until read() has reported it
 };
 
 Result<std::size_t> RigGroup::Member::read(std::span<ImuSample> out, double timeout_s) {
@@ -84,7 +84,7 @@ void RigGroup::bring_up(Member& member) {
   while (member.rig.samples_passed() < now) {
     if (member.rig.imu_unplugged()) {
       if (member.is_open && !member.lost_at_s) member.lost_at_s = member.rig.time_s();
-      member.rig.plug_imu();  // or its time would stand still
+      member.rig.plug_imu();  // its time would stand still otherwise
     }
     const std::int64_t behind = now - member.rig.samples_passed();
     const std::size_t came = member.rig.advance_time(std::min<std::int64_t>(behind, passing.size()), passing);
@@ -106,7 +106,7 @@ void RigGroup::pass_until(double time_s) {
     for (;;) {
       const auto left = std::int64_t(std::llround((time_s - rig.time_s()) / period_s_));
       if (left <= 0) break;
-      // An unplugged unit holds the rig's time; its source stays closed all the same.
+      // An unplugged unit stops the rig's time, so it is plugged in; its source stays closed.
       if (rig.imu_unplugged()) rig.plug_imu();
       rig.advance_time(std::min<std::int64_t>(left, unread.size()), unread);
     }

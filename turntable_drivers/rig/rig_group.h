@@ -1,11 +1,11 @@
-// Several units on one table: a rig for each, in lockstep. One table gives every rig the same commands at the same sample; each
-// unit is an ImuSource of its own; time is that of the group.
+// Several units on one table: one rig for each, in lockstep. The table gives every rig the same commands at the same sample; each
+// unit is an ImuSource of its own; the group has one time.
 //
-// Reading any unit makes time pass for all: what the others deliver meanwhile waits for whoever reads them. A read first gives
-// what waits, and counts the time in which that came as waited. What nobody reads is lost beyond group_buffer_samples. A unit
-// that is unplugged loses what it would have sent until it is opened again; the others, and the table, go on.
-// A group of one is a rig with RigTable and RigImu. Same errors of the table for all, rig_of_unit() for the rest.
-// One thread.
+// Reading any unit makes time pass for all; samples of the others are buffered until they are read. A read first returns
+// buffered samples, and counts the time in which they came against its timeout. Beyond group_buffer_samples unread samples are lost. An
+// unplugged unit loses its samples until it is opened again; the other units and the table go on.
+// A group of one is a rig with RigTable and RigImu. Table errors are the same for all units; the rest is in rig_of_unit().
+// Single-threaded.
 #pragma once
 
 #include <memory>
@@ -35,13 +35,13 @@ class RigGroup : public Clock {
 
   double now_s() const override { return double(samples_passed()) * period_s_; }
   double utc_s() const override;
-  void bring_up_all();             // every rig to the group's time
-  void pass_until(double time_s);  // nobody reads a unit meanwhile: what they send is lost
+  void bring_up_all();             // brings every rig to the group's time
+  void pass_until(double time_s);  // lets time pass with no unit being read: their samples are lost
 
  private:
   struct Member;
-  std::int64_t samples_passed() const;  // of the rig that is furthest
-  void bring_up(Member& member);        // to the group's time
+  std::int64_t samples_passed() const;  // of the most advanced rig
+  void bring_up(Member& member);        // brings it to the group's time
 
   double period_s_;
   std::vector<std::unique_ptr<Member>> members_;

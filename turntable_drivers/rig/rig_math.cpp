@@ -6,7 +6,7 @@ namespace turncal::rig_model {
 
 namespace {
 
-// Taylor series on abs(x) <= pi/4; the first term left out is below 1e-17 of the result.
+// Taylor series for abs(x) <= pi/4; the first omitted term is below 1e-17 of the result.
 SinCos kernel(double x) {
   const double z = x * x;
   double s = 1.0 / 355687428096000.0;  // 1/17!

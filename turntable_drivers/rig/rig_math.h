@@ -6,9 +6,9 @@
 
 namespace turncal::rig_model {
 
-// The C library picks another sin, exp or log by the processor (with or without fused multiply-add), and one last bit
-// decides now and then on which side of a pulse a sum falls. These use only + - * / and exact operations. Errors are
-// below 2 units in the last place in the ranges the rig needs (tests hold them against the library).
+// The C library chooses its sin, exp or log by the processor (with or without fused multiply-add), and a difference in the last bit
+// occasionally changes the pulse in which a sum falls. These functions use only + - * / and exact operations. Errors are
+// below 2 units in the last place in the ranges that the rig needs (tests compare them with the library).
 inline constexpr double pi = 3.14159265358979323846;
 
 struct SinCos {
@@ -20,17 +20,17 @@ SinCos sin_cos(double angle_rad);      // abs(angle) < 1e5
 double exp_of(double x);               // x <= 700; 0 below -700
 double log_of(double x);               // REQUIRES: x > 0, normal
 
-// Nearest integer not above x, as std::floor but inline. REQUIRES: abs(x) < 2^62
+// Returns the largest integer not above x, like std::floor but inline. REQUIRES: abs(x) < 2^62
 inline double floor_of(double x) {
   const double truncated = double(static_cast<long long>(x));
   return truncated > x ? truncated - 1.0 : truncated;
 }
 
-// The rig's random numbers: the same on every machine for the same seed.
+// The random numbers of the rig: for a given seed the same on every machine.
 //
-// xoshiro256++ (Blackman and Vigna 2019) seeded through splitmix64; normal numbers by the ziggurat method (Marsaglia
-// and Tsang 2000) with 256 layers whose tables come from rig_math. Each source of noise has its own stream of the seed,
-// so that switching one off leaves the others as they were.
+// xoshiro256++ (Blackman and Vigna 2019) seeded by splitmix64; normal numbers by the ziggurat method (Marsaglia
+// and Tsang 2000) with 256 layers, whose tables are computed with rig_math. Each noise source has its own stream of the seed,
+// so that switching one off leaves the others unchanged.
 class RandomStream {
  public:
   RandomStream(std::uint64_t seed, std::uint64_t stream);
@@ -49,7 +49,7 @@ class RandomStream {
   }
   double uniform() { return (double(next() >> 11) + 0.5) * 0x1p-53; }  // open interval (0, 1)
   double uniform(double low, double high) { return low + (high - low) * uniform(); }
-  // Mean 0, variance 1. Layer from the low 8 bits, abscissa from the high 53: they do not overlap.
+  // Mean 0, variance 1. The low 8 bits give the layer, the high 53 the abscissa; they do not overlap.
   double normal() {
     const std::uint64_t bits = next();
     const std::size_t layer = bits & 255;
@@ -60,7 +60,7 @@ class RandomStream {
   }
 
   struct Tables {
-    std::array<double, 257> x;        // layer edges, falling; x[0] is the width of the base layer
+    std::array<double, 257> x;        // edges of the layers, decreasing; x[0] is the width of the base layer
     std::array<double, 257> density;  // exp(-x^2/2)
     Tables();
   };

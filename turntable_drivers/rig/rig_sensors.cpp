@@ -79,7 +79,7 @@ Reading SensorEffects::standing(const BodyMotion& motion, const std::array<TrueA
   if (has_matrix_gyro_) reading.gyro += g_sensitivity_ * f_g + magnetic_ * motion.field_b + (flexure_ * f_g).cross(w);
   const auto& periodic = outside_.gyro_angle_periodic;
   if (periodic.size_degph != 0.0) {
-    // sin(order * angle + phase) by angle addition: only the sine and cosine of the axis are at hand.
+    // Computes sin(order * angle + phase) by angle addition, since only the sine and cosine of the axis are known.
     SinCos sum = sin_cos_deg(periodic.phase_deg);
     const SinCos& angle = axes[std::size_t(periodic.table_axis)].angle;
     for (int i = 0; i < periodic.order; ++i) {
@@ -168,7 +168,7 @@ TriadNoise::TriadNoise(const NoiseSize& size, double period_s, std::uint64_t see
     grid_ = std::max<std::int64_t>(1, std::int64_t(constants_s.back() / 16.0 / period_s));
     const double sigma = size.flicker * std::sqrt(log_of(ratio) / pi);
     std::int64_t every = grid_;
-    for (std::size_t i = constants_s.size(); i-- > 0;) {  // fastest first
+    for (std::size_t i = constants_s.size(); i-- > 0;) {  // from the fastest
       Markov process;
       process.every = every;
       process.decay = exp_of(-double(every) * period_s / constants_s[i]);
@@ -187,7 +187,7 @@ TriadNoise::TriadNoise(const NoiseSize& size, double period_s, std::uint64_t see
 void TriadNoise::update_bias() {
   bias_ = {0.0, 0.0, 0.0};
   for (Markov& process : processes_) {
-    // Processes start in their stationary state, so sample 0 takes no step.
+    // Processes start in their stationary state, so sample 0 needs no step.
     if (sample_ > 0 && sample_ % process.every == 0) {
       for (double& value : process.value) value = process.decay * value + process.kick * flicker_.normal();
     }

@@ -1,8 +1,8 @@
-// From what the unit feels to what its calibrated sensors read: the effects of rig_effects.h in SI units, noise, and the pulse counter
-// after them.
+// From what the unit feels to what its sensors output: the effects of rig_effects.h in SI units, noise, and the pulse
+// counter.
 //
-// SensorEffects splits the effects in two: those that depend on motion and attitude alone (constant while the table
-// stands) and those that run with time and temperature.
+// SensorEffects has two parts: effects that depend only on motion and attitude (constant while the table
+// stands), and running effects, which depend on time and temperature.
 #pragma once
 
 #include <array>
@@ -21,7 +21,7 @@ inline constexpr double standard_gravity_mps2 = 9.80665;
 inline constexpr double radps_per_degph = pi / 180.0 / 3600.0;
 inline constexpr double mps2_per_ug = 1e-6 * standard_gravity_mps2;
 
-struct Reading {          // rates that the calibrated sensors read
+struct Reading {          // rates read by the calibrated sensors
   Eigen::Vector3d gyro;   // rad/s
   Eigen::Vector3d accel;  // m/s^2
 };
@@ -35,10 +35,10 @@ struct RigMoment {  // what the running effects depend on
 class SensorEffects {
  public:
   explicit SensorEffects(const RigConfig& config);
-  // True motion plus the effects that depend on it alone. axes: true sine and cosine by Axis; hysteresis_state:
-  // of RigOutsideEffects::Hysteresis.
+  // Returns the true motion plus the effects that depend only on it. axes: true sine and cosine by Axis. hysteresis_state: s of
+  // RigOutsideEffects::Hysteresis.
   Reading standing(const BodyMotion& motion, const std::array<TrueAxis, 3>& axes, double hysteresis_state) const;
-  // Adds the effects that run with time.
+  // Adds the running effects.
   void add_running(const BodyMotion& motion, const RigMoment& moment, Reading& reading) const;
   bool has_running() const { return has_running_; }
   bool has_hysteresis() const { return outside_.accel_hysteresis.size_ug != 0.0; }
@@ -54,35 +54,35 @@ class SensorEffects {
   double delay_s_ = 0.0;
 };
 
-// Increments of one triad -> pulses: p = inverse(scale) * (increment + bias * period), counted.
+// Converts the increments of a triad to pulses: p = inverse(scale) * (increment + bias * period), counted.
 class PulseCounter {
  public:
   PulseCounter() = default;
-  // scale: SI per pulse (rad or m/s), bias: SI rate. REQUIRES: scale invertible
+  // scale: SI units per pulse (rad or m/s); bias: a rate in SI units. REQUIRES: scale is invertible
   PulseCounter(const Eigen::Matrix3d& scale, const Eigen::Vector3d& bias, double period_s,
                RigQuantisation quantisation);
-  // The pulses of this sample. With quantisation the running sum of pulses never differs from that of the real-valued
-  // ones by one pulse or more (floor) or more than half a pulse (round).
+  // Returns the pulses of this sample. The running sum of quantised pulses always differs from that of the real-valued
+  // ones by less than one pulse (floor) or by at most half a pulse (round).
   std::array<double, 3> count(const std::array<double, 3>& increment);
 
  private:
   std::array<std::array<double, 3>, 3> inverse_{};
   std::array<double, 3> offset_{};
-  std::array<double, 3> rest_{};  // part of a pulse not yet counted
+  std::array<double, 3> rest_{};  // fraction of a pulse not counted yet
   RigQuantisation quantisation_ = RigQuantisation::off;
 };
 
-// Noise of one triad: what is added to the three true increments of a sample.
+// The noise of one triad, added to the three true increments of a sample.
 //
 //   white       N sqrt(dt) * normal                                        random walk of angle or velocity
-//   flicker     sum over j of Markov processes, tau_j = longest / 4^j down to a quarter second or so, each with
+//   flicker     sum over j of Markov processes, tau_j = longest / 4^j down to about a quarter second, each with
 //               variance B^2 ln 4 / pi: their spectra add up to B^2 / (2 pi f), whose Allan deviation is
 //               B sqrt(2 ln 2 / pi) = 0.664 B (IEEE 952 annex C). Stationary from the first sample.
 //   rate walk   K sqrt(t): random walk of the bias, from 0
 //
-// Flicker and rate walk are held constant over tau/16 and 0.1 s: their steps are far below the white noise, and a
-// sample costs three normal numbers. SI units: N in rad/sqrt(s) or m/s/sqrt(s), B in rad/s or m/s^2, K in that per
-// sqrt(s).
+// Flicker and rate walk are updated every tau/16 and 0.1 s: their steps are far below the white noise, and a
+// sample costs only three normal numbers. SI units: N in rad/sqrt(s) or m/s/sqrt(s), B in rad/s or m/s^2, K in the unit of B
+// per sqrt(s).
 struct NoiseSize {
   double white = 0.0;
   double flicker = 0.0;
@@ -92,11 +92,11 @@ struct NoiseSize {
 
 class TriadNoise {
  public:
-  // Streams 3 * triad + 1 .. + 3 of the seed are used.
+  // Uses streams 3 * triad + 1 .. + 3 of the seed.
   TriadNoise(const NoiseSize& size, double period_s, std::uint64_t seed, std::uint64_t triad);
-  // Increments of the next sample, added to `increment`.
+  // Adds the noise increments of the next sample to `increment`.
   void add(std::array<double, 3>& increment);
-  // Sum of flicker and rate walk in force, rate units.
+  // The current sum of flicker and rate walk, as a rate.
   const std::array<double, 3>& bias() const { return bias_; }
 
  private:

@@ -18,7 +18,7 @@ double cut_normal(RandomStream& random) {
   }
 }
 
-// Between half the size and all of it, either sign.
+// Draws a magnitude between size/2 and size, of either sign.
 double either_sign(RandomStream& random, double size) {
   const double value = random.uniform(-1.0, 1.0);
   return size * (value < 0.0 ? 0.5 * value - 0.5 : 0.5 * value + 0.5);
@@ -120,11 +120,11 @@ using rig_model::RandomStream;
 
 enum Stream : std::uint64_t { fault_stream = 201, place_stream, turn_on_stream, walk_stream };
 constexpr double day_s = 86400.0, month_days = 30.0;
-constexpr double lot_made_utc_s = 1767225600.0;  // 2026-01-01: the biases walk from there
+constexpr double lot_made_utc_s = 1767225600.0;  // 2026-01-01: start of the random walk of the biases
 constexpr std::int64_t longest_walk_days = 36525;
 constexpr double g_ug = 1e6;
 
-// FNV-1a (Fowler, Noll, Vo), 64 bits.
+// Returns the FNV-1a hash (Fowler, Noll, Vo) of the serial in 64 bits, seeded by the lot.
 std::uint64_t unit_seed(const RigLot& lot, const std::string& serial) {
   constexpr std::uint64_t prime = 0x100000001b3ULL, golden = 0x9E3779B97F4A7C15ULL;
   std::uint64_t hash = 0xcbf29ce484222325ULL ^ (*lot.seed * golden);
@@ -147,7 +147,7 @@ void lay_on(LotFault fault, std::size_t axis, double when_s, RigConfig& config) 
   }
 }
 
-// At any turn-on.
+// Draws the unit's fault, which is the same at every turn-on.
 LotFault fault_of(const RigLot& lot, std::uint64_t seed) {
   RandomStream random(seed, fault_stream);
   if (random.uniform() >= lot.faulty) return LotFault::none;

@@ -1,8 +1,8 @@
-// Draws what the configuration leaves open: the unit's 24 parameters and the table's errors.
+// Draws what the configuration leaves open: the 24 parameters of the unit and the errors of the table.
 //
-// Every number is drawn whether it is used or not, so that setting one key leaves the others of the same seed as they
-// were. Magnitudes: N0 0.08 deg/h, A0 4e-3 g, n off the diagonal 2e-3 arcsec/pulse, n diagonal 3e-4 of its nominal
-// value, a diagonal 3 % (8 % at most), a off the diagonal 7e-4; normal, cut at 2.5 sigma. a21 = a31 = a32 = 0 always
+// Every number is drawn whether or not it is used, so that setting one key leaves the others of the same seed
+// unchanged. Standard deviations: N0 0.08 deg/h, A0 4e-3 g, off-diagonal n 2e-3 arcsec/pulse, diagonal n 3e-4 of its nominal
+// value, diagonal a 3 % (7.5 % at most), off-diagonal a 7e-4; normal, truncated at 2.5 sigma. a21 = a31 = a32 = 0
 // unless set.
 #pragma once
 
