@@ -1,4 +1,4 @@
-// What a register map must be able to say, and writes that would do more than they are called.
+// Checks that a register map can express what a run needs, and that no write has an unintended effect.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -9,7 +9,7 @@
 namespace turncal {
 namespace {
 
-// Whether one register can hold, all at once, what the axis's bits in it have to say. Those of other registers are not asked.
+// True if one value of the register can show the whole state through the axis's bits in it. Bits in other registers are ignored.
 bool can_say(const MapAxis& axis, int address, const DriveState& state) {
   for (unsigned word = 0; word <= 0xFFFF; ++word) {
     bool says = true;
@@ -23,7 +23,7 @@ bool can_say(const MapAxis& axis, int address, const DriveState& state) {
   return false;
 }
 
-// Two troubles may share a bit, and a done bit may tell of arrived and, the other way round, of moving.
+// Two kinds of trouble may share a bit, and a done bit may mean in_position and, inverted, moving.
 bool may_share(DriveBit one, const StatusBit& a, DriveBit other, const StatusBit& b) {
   using enum DriveBit;
   if (a.address != b.address || (a.mask & b.mask) == 0 || !a.codes.empty() || !b.codes.empty()) return true;
@@ -34,7 +34,7 @@ bool may_share(DriveBit one, const StatusBit& a, DriveBit other, const StatusBit
   return (is_trouble(one) && is_trouble(other)) || (done && a.active_high != b.active_high);
 }
 
-// What a run has to be told, its bits can tell; and none of them is a part of the position, or of another.
+// Checks that the bits can express what a run needs, and overlap neither the position nor each other.
 void check_status(KeyValueFile& file, const RegisterMap& map) {
   const auto reject = [&file](Axis which, const std::string& name, const std::string& expected) {
     const std::string own = "axis." + std::string(to_string(which)) + "." + name;
@@ -73,7 +73,7 @@ void check_status(KeyValueFile& file, const RegisterMap& map) {
   }
 }
 
-// With the axis's offset every address is one of 65536.
+// With the offset of an axis every address must be below 65536.
 void check_addresses(KeyValueFile& file, const RegisterMap& map) {
   for (const Axis which : all_axes) {
     int last = 0;
@@ -97,17 +97,17 @@ void check_addresses(KeyValueFile& file, const RegisterMap& map) {
 using Register = std::pair<int, int>;  // unit, address
 constexpr std::uint16_t whole_word = 0xFFFF;
 
-// One register that a list writes, in its order: a number of several registers is as many of these, since that is what the drive gets.
+// One register that a list writes, in its order. A number of several registers is split into these, as the drive receives it.
 struct Written {
   Register place;
-  std::optional<double> value;  // none: what a move asks for
+  std::optional<double> value;  // none: a quantity of a move
   std::vector<std::uint16_t> words;
   int registers = 1;
-  bool target = false;    // where a move goes
-  int number = 0;         // of the list's numbers
+  bool target = false;    // target of a move
+  int number = 0;         // index of the number in the list
   bool release = false;   // 0 after another value
-  bool is_code = false;   // a number of a command, not bits
-  bool of_table = false;  // at the same place for every axis
+  bool is_code = false;   // a command number, not bits
+  bool of_table = false;  // at the same place for all axes
   std::uint16_t word() const { return words.empty() ? 0 : words[0]; }
 };
 
@@ -117,7 +117,7 @@ bool released_by(const std::vector<Written>& before, const Written& now) {
          });
 }
 
-// All that is sent, releases too.
+// Returns all writes, including releases.
 std::vector<Written> sent_by(const RegisterMap& map, TableOperation operation, Axis axis) {
   std::vector<Written> all;
   int number = 0;
@@ -155,10 +155,10 @@ std::vector<Written> written_by(const RegisterMap& map, TableOperation operation
   return all;
 }
 
-// What starts an operation, as it stands in its list.
+// Returns the triggers of an operation, in the order of its list.
 std::vector<Written> triggers_of(const std::vector<Written>& list, TableOperation operation) {
   if (list.empty()) return {};
-  std::vector<Written> last;  // the registers of the last number; of several those that are not 0
+  std::vector<Written> last;  // registers of the last number; if there are several, those that are not 0
   for (const Written& written : list)
     if (written.number == list.back().number) last.push_back(written);
   if (last.size() > 1) std::erase_if(last, [](const Written& written) { return written.value == 0.0; });
@@ -172,20 +172,20 @@ std::vector<Written> triggers_of(const std::vector<Written>& list, TableOperatio
   return found;
 }
 
-// What a list leaves in a register; null: it does not write there.
+// Returns the last write of a list to a register; null if there is none.
 const Written* left_in(const std::vector<Written>& list, const Register& place) {
   const auto last = std::find_if(list.rbegin(), list.rend(), [&](const Written& w) { return w.place == place; });
   return last == list.rend() ? nullptr : &*last;
 }
 
-// What starts something, and the bits of its word that do; all of them: only this very number does.
+// A trigger, and the bits of its word that count. With all bits, only the exact value triggers.
 struct Trigger {
   Written written;
   std::uint16_t mask = whole_word;
 };
 
-// Bits of a control word do what they do, whatever stands beside them. Where a drive is on without any, it is on without those by
-// which write.abort switches it off. A brake may hold the drive on: of a move it must not have what goes beyond write.enable.
+// The bits of a control word act independently. If a drive is enabled without any bit, the mask has the bits with which
+// write.abort switches it off. A brake may keep the drive enabled: of a move, only bits beyond write.enable count against it.
 std::vector<Trigger> triggers_of(const RegisterMap& map, TableOperation starts, Axis axis, bool of_brake = false) {
   std::vector<Trigger> found;
   const std::vector<Written> enable = written_by(map, TableOperation::enable, axis);
@@ -204,12 +204,12 @@ std::vector<Trigger> triggers_of(const RegisterMap& map, TableOperation starts, 
 
 bool does(const Written& written, const Trigger& trigger) {
   if (written.place != trigger.written.place) return false;
-  if (written.words.empty()) return !written.value;  // any number
+  if (written.words.empty()) return !written.value;  // matches any number
   if (written.release && trigger.mask == whole_word) return false;
   return (written.word() & trigger.mask) == (trigger.written.word() & trigger.mask);
 }
 
-// Another register that both write with different values before: another command.
+// True if both lists write different values to another register: they are different commands.
 bool differ(const std::vector<Written>& one, const std::vector<Written>& other, const Register& trigger) {
   for (const Written& a : one) {
     if (a.place == trigger || !a.value) continue;
@@ -227,12 +227,12 @@ bool overlaps(const Written& one, const Written& other) {
          other.place.second < one.place.second + one.registers;
 }
 
-// As people and files write a register or a value: 1568 (0x620).
+// Returns a register or value in both notations: 1568 (0x620).
 std::string both(long value) { return fmt::format("{} (0x{:X})", value, value); }
 
 std::string said(const Register& place) { return "register " + both(place.second); }
 
-// Of which axis, and how the file writes it where an offset was added.
+// Returns the axis, and the address in the file if an offset was added.
 std::string of_axis(const RegisterMap& map, Axis axis, const Written& written) {
   const int offset = written.of_table ? 0 : map.of(axis).address_offset;
   return " of axis." + std::string(to_string(axis)) +
@@ -242,11 +242,11 @@ std::string of_axis(const RegisterMap& map, Axis axis, const Written& written) {
 constexpr TableOperation harmless[] = {TableOperation::setup, TableOperation::stop, TableOperation::abort,
                                        TableOperation::clear_fault};
 
-// What is written without anything being meant to start.
+// Writes that must not start anything.
 struct Harmless {
   std::string key;
   std::vector<Written> sent;
-  bool brakes = false;  // with the drive on
+  bool brakes = false;  // stops with the drive enabled
 };
 
 std::vector<Harmless> harmless_of(const RegisterMap& map, Axis axis) {
@@ -266,7 +266,7 @@ std::vector<Harmless> harmless_of(const RegisterMap& map, Axis axis) {
   return all;
 }
 
-// A drive that is on may follow its target register without any other command.
+// An enabled drive may follow its target register without any other command.
 std::optional<Clash> target_clash_of(const RegisterMap& map, Axis of_move, Axis of_harmless) {
   const std::vector<Written> move = written_by(map, TableOperation::move, of_move);
   for (const Written& target : move) {
@@ -314,7 +314,7 @@ std::optional<Clash> clash_of(const RegisterMap& map, Axis of_starting, Axis of_
   return std::nullopt;
 }
 
-// A heartbeat that counts writes any number, and goes on after a stop: it would take the stop back.
+// A counting heartbeat writes any number and continues after a stop, so it could revoke the stop.
 std::optional<Clash> beats_over_a_stop(const RegisterMap& map, Axis axis) {
   if (!map.heartbeat_address || !map.heartbeat_values.empty()) return std::nullopt;
   const Written beat = harmless_of(map, axis).back().sent.front();
@@ -327,7 +327,7 @@ std::optional<Clash> beats_over_a_stop(const RegisterMap& map, Axis axis) {
   return std::nullopt;
 }
 
-// A stop that goes to a register of another axis alone is not this one's.
+// A stop that writes only to a register of another axis does not stop this one.
 std::optional<Clash> stops_another(const RegisterMap& map, Axis axis, Axis other) {
   for (const TableOperation operation : {TableOperation::stop, TableOperation::abort}) {
     const std::string key = "write." + std::string(to_string(operation));

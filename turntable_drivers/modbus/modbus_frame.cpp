@@ -14,7 +14,7 @@ std::uint16_t bytes_swapped(std::uint16_t word) { return std::uint16_t(word << 8
 struct Span {
   double min, max;
 };
-constexpr Span spans[] = {  // by WordType
+constexpr Span spans[] = {  // in the order of WordType
     {0.0, 65535.0},    {-32768.0, 32767.0}, {0.0, 4294967295.0}, {-2147483648.0, 2147483647.0},
     {-3.0e38, 3.0e38}, {-1.0e300, 1.0e300}};
 
@@ -43,7 +43,7 @@ std::optional<Words> encode_words(double value, WordType type, WordLayout layout
   const double wanted = is_floating(type) ? value : std::round(value);
   const Span& range = spans[std::size_t(type)];
   if (!(wanted >= range.min && wanted <= range.max)) return {};
-  // Through 64 bits, so that negative numbers keep their two's complement.
+  // Converted through 64 bits, so that negative numbers keep their two's complement.
   const std::uint64_t all = type == WordType::f64   ? std::bit_cast<std::uint64_t>(wanted)
                             : type == WordType::f32 ? std::bit_cast<std::uint32_t>(float(wanted))
                                                     : std::uint64_t(std::int64_t(wanted));
@@ -78,7 +78,7 @@ Frame reply(const ModbusRequest& request, const std::string& body, bool tcp) {
   return {frame.begin(), frame.end()};
 }
 
-// Bytes of unit + PDU of a request; 0: more are needed to tell.
+// Returns the length of unit + PDU of a request; 0: more bytes are needed.
 std::size_t body_length(std::string_view body) {
   if (body.size() < 2) return 0;
   if (body[1] != 15 && body[1] != 16) return 6;

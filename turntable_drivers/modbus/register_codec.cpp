@@ -9,7 +9,7 @@ namespace turncal {
 namespace {
 
 constexpr double busy_pause_s = 0.05;          // before a busy drive is asked again
-constexpr std::uint16_t most_repeated = 1000;  // a reply to one of so many transactions may come again
+constexpr std::uint16_t most_repeated = 1000;  // the number of past transactions whose replies may be repeated
 constexpr std::size_t longest_frame = 260;
 
 const char* exception_text(int exception) {
@@ -52,7 +52,7 @@ std::string ModbusFraming::framed(const std::string& body) {
   return turncal::framed(body, header_ ? std::optional(++transaction_) : std::nullopt);
 }
 
-// REQUIRES: a whole header. Whether it answers a transaction before.
+// True for a frame of an earlier transaction. REQUIRES: a complete header.
 bool ModbusFraming::is_of_earlier(const std::string& frame) const {
   const std::size_t size = tcp_header + word_at(frame, 4);
   return word_at(frame, 2) == 0 && size > tcp_header && size <= longest_frame &&
@@ -61,7 +61,7 @@ bool ModbusFraming::is_of_earlier(const std::string& frame) const {
 
 std::optional<std::size_t> ModbusFraming::reply_end(const TableRequest& request, std::string& heard,
                                                     bool at_once) const {
-  if (at_once) {  // whatever stands before it
+  if (at_once) {  // skips anything before the acknowledgement
     const std::string expected =
         turncal::framed(request.body.substr(0, 6), header_ ? std::optional(transaction_of(request)) : std::nullopt);
     const std::size_t at = heard.find(expected);
@@ -106,7 +106,7 @@ Judgement ModbusFraming::judge(const TableRequest& request, const std::string& r
   const bool is_exception = body[1] == char(function | 0x80) && body.size() == 3;
   if (!is_exception) {
     if (body[1] != function) return garbled("the reply to another function");
-    const std::size_t bytes = 2U * word_at(request.body, 4);  // of a reading
+    const std::size_t bytes = 2U * word_at(request.body, 4);  // bytes of a reading
     const bool same = is_read(function) ? body.size() == 3 + bytes && static_cast<unsigned char>(body[2]) == bytes
                                         : body == request.body.substr(0, 6);
     if (!same) return garbled("the reply to another request");
@@ -121,7 +121,7 @@ Judgement ModbusFraming::judge(const TableRequest& request, const std::string& r
 bool ModbusFraming::has_unexpected(std::string& heard) const {
   while (header_ && heard.size() >= tcp_header && is_of_earlier(heard)) {
     const std::size_t size = tcp_header + word_at(heard, 4);
-    if (heard.size() < size) return false;  // the rest comes: it is skipped by its number when the next reply is read
+    if (heard.size() < size) return false;  // incomplete: the next reading skips the frame by its transaction number
     heard.erase(0, size);
   }
   return header_ ? heard.size() >= tcp_header : !heard.empty();
@@ -160,10 +160,10 @@ class RegisterCodec : public TableCodec {
     const MapAxis& place = map_.of(axis);
     if (operation == TableOperation::status) {
       const StatusBlock& block = map_.blocks()[step];
-      // Longer by the axis, so that no two requests have the same length; what is beyond is thrown away.
+      // The length depends on the axis, so that no two requests have the same length; the extra registers are discarded.
       request.body = read_body(place.unit, map_.status_function, block.read_at(place), block.count + int(index(axis)));
     } else if (operation == TableOperation::heartbeat) {
-      // Another value each time, so that a drive can tell it from one that is stuck.
+      // A new value each time, which a drive can tell from a hung master.
       const std::size_t beats = beats_[index(axis)];
       const std::vector<std::uint16_t>& values = map_.heartbeat_values;
       const std::uint16_t value = values.empty() ? std::uint16_t(1 + beats % 0xFFFF) : values[beats % values.size()];
@@ -196,7 +196,7 @@ class RegisterCodec : public TableCodec {
     return {};
   }
 
-  bool acknowledges(const TableRequest&, const std::string&) const override { return true; }  // reply_end() has looked
+  bool acknowledges(const TableRequest&, const std::string&) const override { return true; }  // reply_end() checks it
 
   bool has_unexpected(std::string& heard) const override { return framing_.has_unexpected(heard); }
 
@@ -231,7 +231,7 @@ class RegisterCodec : public TableCodec {
   }
 
  private:
-  // What the block holds of the axis.
+  // Takes the axis's values from a block.
   void take(Axis axis, const StatusBlock& block, const std::vector<std::uint16_t>& registers, AxisReading& reading) {
     const MapAxis& scale = map_.of(axis);
     const auto words_from = [&](int address) {
@@ -263,7 +263,7 @@ class RegisterCodec : public TableCodec {
   const RegisterMap map_;
   ModbusFraming framing_;
   std::array<std::size_t, 3> beats_{};
-  std::array<std::vector<std::uint16_t>, 3> position_words_;  // as last read
+  std::array<std::vector<std::uint16_t>, 3> position_words_;  // at the last reading
 };
 
 }  // namespace

@@ -12,10 +12,10 @@
 namespace turncal {
 namespace {
 
-constexpr NumberRange pause_range{0.001, 1.0};  // seconds; a stop cuts it short
-constexpr double longest_stop_pause_s = 0.05;   // all waits of a stop together
+constexpr NumberRange pause_range{0.001, 1.0};  // in s; a stop interrupts it
+constexpr double longest_stop_pause_s = 0.05;   // sum of all waits of a stop
 
-// TYPE VALUE
+// Parses "TYPE VALUE".
 std::optional<WriteOperand> operand_of(std::string_view text) {
   const auto words = split_words(text);
   const std::optional<WordType> type = words.size() == 2 ? enum_from<WordType>(words[0]) : std::nullopt;
@@ -39,7 +39,7 @@ std::optional<WriteOperand> operand_of(std::string_view text) {
   return operand;
 }
 
-// otherwise: where the key may be missing.
+// `otherwise`: default of an optional key.
 long hex_or_decimal(KeyValueFile& file, const std::string& key, long min, long max,
                     std::optional<long> otherwise = {}) {
   if (otherwise && !file.has(key)) return *otherwise;
@@ -138,7 +138,7 @@ void read_status_block(KeyValueFile& file, RegisterMap& map) {
   for (const Axis which : all_axes) {
     MapAxis& axis = map.axis[index(which)];
     const std::string own = fmt::format("axis.{}.", to_string(which));
-    // A key of the axis before one of all axes.
+    // An axis's own key takes precedence over the common one.
     const auto key = [&](const std::string& name) { return file.has(own + name) ? own + name : name; };
     const auto has = [&](const std::string& name) { return file.has(key(name)); };
     const auto block_field = [&](const std::string& prefix) {
@@ -201,7 +201,7 @@ void read_writes(KeyValueFile& file, RegisterMap& map) {
     const bool optional = operation == TableOperation::setup || operation == TableOperation::clear_fault ||
                           operation == TableOperation::enable ||
                           (operation == TableOperation::home && map.home_by_encoder);
-    if (!optional && !file.has(key)) file.text(key);  // the defect: it is missing
+    if (!optional && !file.has(key)) file.text(key);  // reports that the key is missing
     const std::vector<WriteOperand> operands = operands_of(map.list(operation));
     if (file.has(key) && operands.empty()) file.reject(key, "at least one write of a register");
     for (const WriteOperand& operand : operands) {
@@ -264,9 +264,9 @@ Result<RegisterMap> map_from(KeyValueFile& file) {
   read_writes(file, map);
   for (const MapAxis& axis : map.axis) {
     if (!map.home_by_encoder && !axis.bit(DriveBit::homed))
-      file.text("bit.homed.address");  // the defect: it is missing
+      file.text("bit.homed.address");  // reports that the key is missing
   }
-  // A misspelt key first: it would show up as another that is missing.
+  // A misspelt key is reported first; it would look like a missing one.
   TRY(file.check_all_used());
   check_map(file, map);
   TRY(file.status());
@@ -408,7 +408,7 @@ std::string request(int unit, int function, int address, std::size_t count) {
                      count > 1 ? fmt::format(", {} registers", count) : "");
 }
 
-// What a number of a write is made of; empty: it stands in the file.
+// Returns the source of a written number; empty for a constant of the file.
 std::string meaning_of(const RegisterMap& map, const WriteOperand& operand, Axis axis) {
   if (operand.kind == WriteOperand::Kind::constant) return "";
   if (operand.kind == WriteOperand::Kind::axis) return ", the axis's code";

@@ -1,7 +1,7 @@
-// A simulated chamber (any Chamber, the rig's) behind the registers or sentences of a .chamber file. line_server.h says how it is run.
+// A simulated chamber (any Chamber, such as the rig's) behind the registers or sentences of a .chamber file. line_server.h shows how to run it.
 //
-// Registers that no entry names are answered with exception 2, sentences that none matches not at all; what the chamber refuses with exception 4, or
-// not at all. Of a command of several writes the last one counts.
+// An unknown register is answered with exception 2, an unknown sentence not at all; a refusal of the chamber with exception 4, or not at all.
+// A command of several writes takes effect with the last one.
 #pragma once
 
 #include <functional>
@@ -13,7 +13,7 @@ namespace turncal {
 
 class ChamberTwin : public LineServer {
  public:
-  // The chamber must outlive the twin. held: while the chamber is used, where somebody else lets its time pass; null: the server's own.
+  // The chamber must outlive the twin. held: locked while the chamber is used, if another thread lets its time pass; null: the server's mutex.
   ChamberTwin(ChamberDescription description, Chamber& chamber, std::mutex* held = nullptr)
       : described_(std::move(description)), chamber_(chamber), held_(held ? *held : mutex) {}
   std::function<void(bool reads, AnswerPlan&)> disturb;
@@ -21,8 +21,8 @@ class ChamberTwin : public LineServer {
  private:
   std::optional<AnswerPlan> next_answer(std::vector<std::uint8_t>& bytes) override;
   std::optional<AnswerPlan> next_registers(std::vector<std::uint8_t>& bytes);
-  std::optional<std::string> answer(const std::string& body);         // empty: none is due
-  double value_of(ChamberItem item, const ChamberStatus& now) const;  // in the device's units
+  std::optional<std::string> answer(const std::string& body);         // empty: no answer
+  double value_of(ChamberItem item, const ChamberStatus& now) const;  // in units of the device
   Status carry_out(ChamberItem item, double value);
 
   ChamberDescription described_;

@@ -10,13 +10,13 @@
 namespace turncal {
 namespace {
 
-// Operations in the order in which a sentence is looked for: what several share is the gentlest.
+// The order in which operations are searched for a sentence: if several share it, the gentlest comes first.
 constexpr std::array<TableOperation, table_operation_count> search_order = {
     TableOperation::status, TableOperation::stop,     TableOperation::abort,
     TableOperation::move,   TableOperation::home,     TableOperation::enable,
     TableOperation::setup,  TableOperation::identify, TableOperation::clear_fault};
 
-// The word that says these flags, or comes closest. A device that only knows moving and done says done after a stop.
+// Returns the status word closest to these flags. A device that knows only moving and done says done after a stop.
 std::string word_of(const DialectStatus& status, const DriveFlags& flags) {
   if (status.by_bits) {
     std::uint32_t bits = 0;
@@ -58,7 +58,7 @@ std::optional<std::string> DialectTwin::answer(const std::string& body) {
     for (std::size_t i = 0; i < exchanges.size(); ++i) {
       if (i != 0 && i != progress) continue;
       const std::optional<Values> values = exchanges[i].send.match(body);
-      // What ends one list may be on the way of another: that one goes on, and only the first is carried out.
+      // The end of one list may be a step of another: that one continues, and only the first is carried out.
       if (!values || (known && i + 1 == exchanges.size())) continue;
       progress = i + 1 == exchanges.size() ? 0 : i + 1;
       const std::optional<std::string> text = answer_of(operation, i, *values);

@@ -1,8 +1,8 @@
 // DialectTwin: a simulated table that speaks the ASCII dialect of a file, with the axes of any Turntable (the rig's mock). It matches
-// what it is sent against the templates the driver fills in, and fills in the templates the driver matches; modbus_twin.h has
-// the same for Modbus. line_server.h says how it is run.
+// requests with the templates that the driver fills in, and fills in the templates that the driver matches; modbus_twin.h is
+// the same for Modbus. line_server.h shows how to run it.
 //
-// A sentence that no template matches, or that the table refuses, is answered with the first of error.texts, or not at all.
+// A sentence that matches no template, or that the table refuses, is answered with the first of error.texts, or not at all.
 #pragma once
 
 #include <array>
@@ -17,8 +17,8 @@
 
 namespace turncal {
 
-// The next sentence at the front of `bytes`, which it is taken off, with what `answer_of` says to its body; empty: there is none yet. What
-// is no frame is not answered.
+// Removes the next sentence from the front of `bytes` and returns what `answer_of` makes of its body; empty: there is none yet. Bytes that
+// are no frame are not answered.
 std::optional<AnswerPlan> answer_sentence(
     const DialectLink& link, std::vector<std::uint8_t>& bytes,
     const std::function<std::optional<std::string>(const std::string& body)>& answer_of);
@@ -28,13 +28,13 @@ class DialectTwin : public LineServer {
   DialectTwin(Dialect dialect, Turntable& table)
       : dialect_(std::move(dialect)), table_(table) {}  // the table must outlive the twin
 
-  Status power_on();  // connects to the table; a table without an enable sentence comes up enabled
+  Status power_on();  // connects to the table and enables it if the dialect has no enable sentence
   std::function<void(const std::string& body, AnswerPlan&)> disturb;
 
  private:
   using Values = std::map<std::string, std::string>;
   std::optional<AnswerPlan> next_answer(std::vector<std::uint8_t>& bytes) override;
-  // The body of the answer; empty: none is due.
+  // Returns the body of the answer; empty: no answer.
   std::optional<std::string> answer(const std::string& body);
   std::optional<std::string> answer_of(TableOperation operation, std::size_t step, const Values& values);
   Status move(Axis axis, const Values& values);

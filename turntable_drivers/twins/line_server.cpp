@@ -84,7 +84,7 @@ bool LineServer::serve(Client& client) {
   std::array<std::uint8_t, 512> chunk;
   const ssize_t n = ::read(client.descriptor, chunk.data(), chunk.size());
   if (n < 0 && (errno == EAGAIN || errno == EINTR)) return true;
-  if (n <= 0) return !tcp();  // a pseudo-terminal that nobody has open comes back
+  if (n <= 0) return !tcp();  // a pseudo-terminal that nobody has open may be opened again
   client.bytes.insert(client.bytes.end(), chunk.begin(), chunk.begin() + n);
   while (const std::optional<AnswerPlan> plan = next_answer(client.bytes)) {
     if (!send(client, *plan)) return false;
@@ -100,7 +100,7 @@ void LineServer::run_once(double timeout_s) {
   const std::size_t first = tcp() ? 1 : 0;
   const bool idle_pty =
       !tcp() && !waiting.empty() && (waiting[0].revents & POLLIN) == 0 && (waiting[0].revents & POLLHUP) != 0;
-  if (idle_pty) nap(std::min(timeout_s, 0.005));  // nobody has it open: poll() does not wait
+  if (idle_pty) nap(std::min(timeout_s, 0.005));  // poll() returns at once while nobody has it open
   std::vector<Client> kept;
   bool gone = false;
   for (std::size_t i = 0; i < clients_.size(); ++i) {

@@ -1,13 +1,13 @@
-// LineServer: the line of a twin, a TCP port or a pseudo-terminal, with any number of clients (a pseudo-terminal has one). What is
-// said on it is the twin's affair (modbus_twin.h: Modbus; dialect_twin.h: ASCII).
+// LineServer: the line of a twin, a TCP port or a pseudo-terminal, with any number of clients (a pseudo-terminal has one). The
+// twin defines the protocol (modbus_twin.h: Modbus; dialect_twin.h: ASCII).
 //
 //   twin.listen_tcp(0);                     // or open_pty("table.link")
-//   while (going_on) twin.run_once(0.05);   // serves what has arrived, waits at most this long, ticks
+//   while (going_on) twin.run_once(0.05);   // serves what has arrived, waits at most this long, calls tick()
 //
-// Faults are made by `disturb` of the twin, which sees every request with the pieces of its answer before they are sent, and
-// may change them: other bytes, a delay before a piece, none at all, or a hang-up. A delay holds up whatever else has arrived,
+// The twin's `disturb` creates faults. It sees every request with the pieces of its answer before they are sent, and may change
+// them: other bytes, a delay before a piece, no pieces, or a hang-up. A delay holds up everything else that has arrived,
 // as on a real line.
-// One thread; `mutex` is held while the twin (and with it the table) is used, so that another may let time pass meanwhile.
+// Single-threaded. `mutex` is held while the twin (and the table behind it) is used, so that another thread may let time pass meanwhile.
 #pragma once
 
 #include <cstdint>
@@ -23,7 +23,7 @@ namespace turncal {
 
 struct AnswerPiece {
   std::vector<std::uint8_t> bytes;
-  double delay_s = 0.0;  // before it
+  double delay_s = 0.0;  // before the piece
 };
 struct AnswerPlan {
   std::vector<AnswerPiece> pieces;
@@ -40,7 +40,7 @@ class LineServer {
   Status listen_tcp(int port, bool every_address = false);  // 0: any free port
   Status open_pty(const std::string& link_path);            // "": no link
   int port() const { return port_; }
-  // What link.address of a map or dialect says of this line: "127.0.0.1:PORT", or the device.
+  // Returns the value of link.address in a map or dialect for this line: "127.0.0.1:PORT", or the device.
   std::string address() const;
   void run_once(double timeout_s);
   void hang_up();  // all clients, or the pseudo-terminal
@@ -48,9 +48,9 @@ class LineServer {
   std::mutex mutex;
 
  protected:
-  // Takes the next complete request off the front and answers it; empty: there is none yet.
+  // Removes the next complete request from the front and answers it; empty: there is none yet.
   virtual std::optional<AnswerPlan> next_answer(std::vector<std::uint8_t>& bytes) = 0;
-  virtual void tick() {}  // with the mutex held
+  virtual void tick() {}  // called with the mutex held
   bool tcp() const { return listener_ >= 0; }
 
  private:
@@ -58,7 +58,7 @@ class LineServer {
     int descriptor = -1;
     std::vector<std::uint8_t> bytes;
   };
-  bool serve(Client& client);  // false: it has gone
+  bool serve(Client& client);  // false: the client has gone
   bool send(const Client& client, const AnswerPlan& plan);
 
   int listener_ = -1;

@@ -7,7 +7,7 @@ namespace turncal {
 
 namespace {
 
-// The code in one register that says these flags, or comes closest.
+// Returns the status code closest to these flags.
 std::uint16_t code_of(const MapAxis& axis, const StatusBit& first, const DriveFlags& state) {
   const auto alike = [&](const std::optional<StatusBit>& bit) {
     return bit && !bit->codes.empty() && bit->address == first.address && bit->mask == first.mask;
@@ -15,7 +15,7 @@ std::uint16_t code_of(const MapAxis& axis, const StatusBit& first, const DriveFl
   const auto says = [](const StatusBit& bit, std::uint16_t code) {
     return std::ranges::find(bit.codes, code) != bit.codes.end();
   };
-  std::vector<std::uint16_t> candidates{0};  // the first that no list has
+  std::vector<std::uint16_t> candidates{0};  // the first code that no list has
   while (std::ranges::any_of(axis.bits, [&](const auto& bit) { return alike(bit) && says(*bit, candidates[0]); }))
     ++candidates[0];
   for (const auto& bit : axis.bits) {
@@ -30,14 +30,14 @@ std::uint16_t code_of(const MapAxis& axis, const StatusBit& first, const DriveFl
   return std::uint16_t(*best << first.shift());
 }
 
-// A drive that has lost its master shows the alarm that says so; one that the map has no text for, where none does.
+// Returns the alarm of a drive whose master was lost, or an unlisted one if the map has no text for it.
 double watchdog_alarm(const std::map<long, std::string>& texts) {
   for (const auto& [code, text] : texts)
     if (text.find("communication") != std::string::npos) return double(code);
   return texts.empty() ? 1.0 : double(texts.rbegin()->first + 1);
 }
 
-constexpr int addressed = 3;  // of Operands: the axis that is written to
+constexpr int addressed = 3;  // Operands: the axis that is written to
 constexpr int illegal_function = 1, illegal_address = 2, illegal_value = 3, device_failure = 4;
 
 }  // namespace
@@ -55,7 +55,7 @@ void ModbusTwin::tick() {
     const Result<AxisStatus> now = table_.status(axis);
     if (now && !now->enabled) continue;
     tripped_[index(axis)] = true;
-    // A watchdog has nobody to tell if this fails.
+    // If this fails, a watchdog cannot report it.
     static_cast<void>(table_.carry_out(TableOperation::stop, axis, true).ok());
   }
 }
@@ -68,7 +68,7 @@ ModbusTwin::Answer ModbusTwin::handle(const ModbusRequest& request) {
   return {illegal_function, {}};
 }
 
-// A block as the axis has it; where several axes have the same place, each puts what is its own into it.
+// Returns a block of an axis. Axes with the same block each add their own values.
 std::optional<std::vector<std::uint16_t>> ModbusTwin::registers_of(const StatusBlock& block, Axis axis) {
   std::vector<std::uint16_t> registers(std::size_t(block.count));
   for (const Axis which : all_axes) {
@@ -116,7 +116,7 @@ ModbusTwin::Answer ModbusTwin::read(const ModbusRequest& request) {
     if (place.unit != request.unit || request.function != map_.status_function) continue;
     for (const StatusBlock& block : map_.blocks()) {
       const int first = block.read_at(place);
-      // Two registers more than the map tells: the driver reads blocks of different lengths.
+      // Two registers more than in the map: the driver reads blocks of different lengths.
       if (request.address < first || request.address + request.count > first + block.count + 2) continue;
       auto registers = registers_of(block, axis);
       if (!registers) return {device_failure, {}};
@@ -156,7 +156,7 @@ bool ModbusTwin::matches(const WriteStep& step, TableOperation operation, Axis a
   return true;
 }
 
-// A value that the map does not list, or the same one as before, shows that the other side hangs: it does not count.
+// A value that the map does not list, or the same one as before, shows a hung master and does not count.
 bool ModbusTwin::beats(const ModbusRequest& request, Axis axis) {
   if (!map_.heartbeat_address || request.count != 1 || request.address != map_.heartbeat_at(axis)) return false;
   const std::uint16_t value = request.values.front();
@@ -217,7 +217,7 @@ Status ModbusTwin::carry_out(Axis axis, TableOperation operation, const Operands
     if (of_table) tripped_ = {};
     tripped_[index(axis)] = false;
   }
-  if (operation == TableOperation::enable)  // of all, since a Turntable enables them together
+  if (operation == TableOperation::enable)  // for all, since a Turntable enables all axes together
     for (std::optional<double>& last_s : heartbeat_s_)
       if (last_s) last_s = clock_.now_s();
   if (operation != TableOperation::move) return table_.carry_out(operation, axis, of_table);
@@ -238,7 +238,7 @@ std::optional<AnswerPlan> ModbusTwin::next_answer(std::vector<std::uint8_t>& byt
   const std::optional<ModbusRequest> request = next_request(bytes, header);
   if (!request) return {};
   const bool ours = std::ranges::any_of(map_.axis, [&](const MapAxis& axis) { return axis.unit == request->unit; });
-  if (!ours) return AnswerPlan();  // another drive on the bus: silence
+  if (!ours) return AnswerPlan();  // another drive on the bus: no answer
   const Answer answer = [&] {
     const std::lock_guard lock(mutex);
     return handle(*request);

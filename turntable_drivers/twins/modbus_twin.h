@@ -1,15 +1,15 @@
-// ModbusTwin: three simulated drives behind the registers that a RegisterMap describes, on a line: Modbus TCP or (on a pseudo-terminal)
-// RTU, for a rehearsal with real links (`turncal twin`) and for the tests of the driver. line_server.h says how it is run.
+// ModbusTwin: three simulated drives behind the registers of a RegisterMap, over Modbus TCP or (on a pseudo-terminal) RTU. For
+// rehearsals with real links (`turncal twin`) and for the tests of the driver. line_server.h shows how to run it.
 //
-// The axes are those of any Turntable (the rig's mock), so the twin has its manners and its lies. Status registers are made from its
-// status at each reading; a list of writes of the map, seen in full and in order, is carried out when its last register is
-// written. A table that refuses makes exception 4, a register that no list names and no block holds exception 2.
+// The axes are those of any Turntable (the rig's mock), so the twin has its behaviour and its faults. Status registers are made from its
+// status at each reading. A list of writes of the map, received completely and in order, is carried out when its last register is
+// written. A refusal of the table gives exception 4, an unknown register exception 2.
 //
-// - Operations are matched by address and constant, operands are taken on the way: the same registers may serve several lists.
-// - The watchdog is armed by the first heartbeat of a drive: when none came for watchdog_s every axis is stopped, the drive shows
+// - Operations are recognised by address and constants; operands are read on the way. Several lists may share registers.
+// - The first heartbeat of a drive arms its watchdog: after watchdog_s without one every axis is stopped, the drive shows
 //   a fault and refuses moves until the fault is cleared. A drive that is off has nothing to stop: it does not trip, and the next
-//   heartbeat arms it again. Its time starts anew when any drive is enabled, which enables all. Call tick() often; time is the clock's.
-// Not modelled: a drive's own parameters (they take any write and read back), torque, a power-on delay.
+//   heartbeat arms it again. Enabling any drive enables all and restarts the time. Call tick() often; time is the clock's.
+// Not modelled: parameters of a drive (writes are stored and read back), torque, a power-on delay.
 #pragma once
 
 #include <array>
@@ -30,13 +30,13 @@ namespace turncal {
 
 class ModbusTwin : public LineServer {
  public:
-  // Table and clock must outlive the twin.
+  // The table and the clock must outlive the twin.
   ModbusTwin(RegisterMap map, Turntable& table, const Clock& clock);
 
-  Status power_on();  // connects to the table; drives without an enable write come up enabled
+  Status power_on();  // connects to the table and enables it if the map has no enable write
   struct Answer {
-    int exception = 0;                  // 0: none
-    std::vector<std::uint16_t> values;  // of a read
+    int exception = 0;                  // 0: no exception
+    std::vector<std::uint16_t> values;  // of a read request
   };
   Answer handle(const ModbusRequest& request);
   void tick() override;  // the watchdog
@@ -44,21 +44,21 @@ class ModbusTwin : public LineServer {
   std::function<void(const ModbusRequest&, AnswerPlan&)> disturb;
 
  private:
-  // What a move was told; of which axis: 0 to 2, or 3 for the one that is written to.
+  // The quantities of a move, for axis 0 to 2, or 3 for the axis that is written to.
   using Operands = std::map<std::pair<MoveQuantity, int>, double>;
   struct Progress {
-    std::size_t step = 0;  // of the list, the next one awaited
+    std::size_t step = 0;  // index of the expected step of the list
     Operands operands;
   };
   std::optional<AnswerPlan> next_answer(std::vector<std::uint8_t>& bytes) override;
   Answer read(const ModbusRequest& request);
   Answer write(const ModbusRequest& request);
   std::optional<std::vector<std::uint16_t>> registers_of(const StatusBlock& block, Axis axis);
-  // Whether the request is the step; operands go into `operands`.
+  // True if the request is the step; its operands are added to `operands`.
   bool matches(const WriteStep& step, TableOperation operation, Axis axis, const ModbusRequest& request,
                Operands& operands) const;
   Status carry_out(Axis axis, TableOperation operation, const Operands& operands);
-  bool beats(const ModbusRequest& request, Axis axis);  // whether this is its heartbeat
+  bool beats(const ModbusRequest& request, Axis axis);  // true: the heartbeat of this axis
 
   RegisterMap map_;
   ToldTable table_;

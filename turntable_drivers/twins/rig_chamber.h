@@ -1,4 +1,4 @@
-// The rig as what else a dry run needs: the chamber about its units, and the table that a rehearsal by hand turns.
+// Other parts of the rig for a dry run: the chamber around its units, and the table that a rehearsal turns instead of a person.
 #pragma once
 
 #include <algorithm>
@@ -9,7 +9,7 @@
 
 namespace turncal {
 
-// Of all rigs of a group, which share it. Time is theirs.
+// The chamber shared by all rigs of a group; its time is theirs.
 class RigChamber : public Chamber {
  public:
   RigChamber(RigGroup& group, ChamberLimits limits) : group_(group), limits_(limits) {}  // the group must outlive this

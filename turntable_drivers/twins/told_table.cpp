@@ -56,7 +56,7 @@ Status ToldTable::carry_out(TableOperation operation, Axis axis, bool of_table) 
     case clear_fault: return table_.clear_fault();
     case home: {
       if (of_table) return table_.home();
-      // The first axis of a round starts them all.
+      // The first axis of a round starts homing for all.
       bool& done = homed_round_[index(axis)];
       if (done) homed_round_ = {};
       const bool begins = homed_round_ == std::array<bool, 3>{};
