@@ -174,7 +174,7 @@ std::string escaped_text(KeyValueFile& file, const std::string& key, const std::
   return text.value_or("");
 }
 
-// Of 16 bits, decimal or with 0x.
+// Reads a 16-bit number, decimal or with 0x.
 std::uint32_t crc_number(KeyValueFile& file, const std::string& key, std::optional<std::uint32_t> otherwise) {
   if (otherwise && !file.has(key)) return *otherwise;
   const auto value = parse_whole<std::uint16_t>(file.text(key));
@@ -211,7 +211,7 @@ void read_steps(KeyValueFile& file, Dialect& dialect) {
       if (expect && expect->lines() > 1)
         file.reject(name + "." + std::to_string(k + 1) + ".expect", "an answer of one line: a stop waits for no more");
     }
-    if (needed && steps.exchanges.empty()) file.text(name + ".1");  // the defect: it is missing
+    if (needed && steps.exchanges.empty()) file.text(name + ".1");  // reports the missing key
     const bool commands_axis = operation == TableOperation::enable || operation == TableOperation::home ||
                                operation == TableOperation::move || is_stop;
     if (commands_axis && steps.each_axis && !steps.exchanges.empty() && !names_axis(steps)) {
@@ -260,7 +260,7 @@ void read_status(KeyValueFile& file, DialectStatus& status) {
   };
   if (!status.by_bits) {
     for (const std::string& key : file.keys_with_prefix("status.code.")) status.codes[key.substr(12)] = flag_list(key);
-    if (status.codes.empty()) file.text("status.code.0");  // the defect: it is missing
+    if (status.codes.empty()) file.text("status.code.0");  // reports the missing key
   } else {
     status.base = file.one_of_or("status.base", "10", {"10", "16"}) == "16" ? 16 : 10;
     for (const DriveBit flag : all_drive_bits) {
@@ -297,7 +297,7 @@ Result<Dialect> dialect_from(KeyValueFile& file) {
   keys.whole("number.decimals", dialect.decimals, 0, 9);
   keys.flag("number.plus", dialect.plus);
   read_steps(file, dialect);
-  // Questions aside, which command nothing.
+  // Questions are skipped: they command nothing.
   const auto last_command = [&](TableOperation operation) -> std::pair<std::string, std::size_t> {
     const std::vector<Exchange>& all = dialect.of(operation).exchanges;
     for (std::size_t i = all.size(); i-- > 0;)
@@ -438,13 +438,13 @@ std::string fixed(double value, int decimals, bool plus) {
 
 double grain(int decimals) { return std::pow(10.0, -decimals); }
 
-// From 0 to below a turn, as it is written with so many decimals.
+// Returns an angle in [0, turn), rounded to so many decimals.
 double on_circle(double units, double turn, int decimals) {
   const double remainder = grain(decimals) * std::round((units - turn * std::floor(units / turn)) / grain(decimals));
   return remainder >= turn ? 0.0 : remainder;
 }
 
-// REQUIRES: a number is asked for.
+// REQUIRES: the placeholder is a quantity.
 double units_of(const Dialect& dialect, const Asked& asked, const Moves& moves) {
   const DialectAxis& scale = dialect.of(asked.axis);
   const double units = scale.units_of(*asked.number, moves[index(asked.axis)]);
@@ -505,7 +505,7 @@ Status check_move(const Dialect& dialect, Axis axis, const Moves& moves, double 
       const DialectAxis& circle = dialect.of(axis);
       const double units = circle.modulo_deg > 0.0 ? circle.modulo_deg * scale : units_of(dialect, asked, moves);
       const int whole = int(fixed(units, 0, dialect.plus).size());
-      const int decimals = std::max(0, width - whole - 1);  // at most
+      const int decimals = std::max(0, width - whole - 1);  // upper limit
       if (whole > width || !(0.5 * grain(decimals) <= tolerance_deg * scale))
         return input_error("{" + name + ":" + std::to_string(width) + "} in an answer to status cannot show " +
                            format_number(units) + " to motion.position_tolerance_deg: expected more columns");

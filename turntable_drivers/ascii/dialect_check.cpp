@@ -1,4 +1,4 @@
-// What a dialect must be able to say and be told, and sentences that would do more than they are called.
+// Checks that a dialect can express what a run needs, and that no sentence has an unintended effect.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -19,7 +19,7 @@ bool agrees(const DialectStatus& status, const std::vector<DriveBit>& code, cons
   return true;
 }
 
-// The flag that cannot be as a state needs it, since another one has its bit.
+// Returns the flag that cannot have the value required by a state, because another flag has the same bit.
 std::optional<DriveBit> crossed(const DialectStatus& status, const DriveState& state) {
   std::uint32_t set = 0, clear = 0;
   for (const DriveBit bit : all_drive_bits) {
@@ -43,12 +43,12 @@ void check_status(KeyValueFile& file, const DialectStatus& status) {
   }
 }
 
-// What could stand in a number, or be one.
+// True for text that may be a number or part of one.
 bool may_be_number(const std::string& text) {
   return !text.empty() && text.find_first_not_of("+-.0123456789") == std::string::npos;
 }
 
-// Every text that the device says must come through whole: none is what ends an answer, or is taken for an error.
+// Checks that every text of the device arrives intact: no number may look like the end of an answer or like an error.
 void check_texts(KeyValueFile& file, const Dialect& dialect) {
   for (const std::string& error : dialect.errors)
     if (may_be_number(error)) file.reject("error.texts", "texts that no number holds");
@@ -76,7 +76,7 @@ void check_texts(KeyValueFile& file, const Dialect& dialect) {
   }
 }
 
-// Position and status of every axis, and a rate to be told.
+// Checks that status reports the position and status of every axis, and that a move sends its rate.
 void check_quantities(KeyValueFile& file, const Dialect& dialect) {
   const auto says = [&](TableOperation operation, bool answer, const std::string& quantity) {
     std::size_t axes = 0;
@@ -102,7 +102,7 @@ void check_quantities(KeyValueFile& file, const Dialect& dialect) {
 constexpr TableOperation harmless[] = {TableOperation::setup, TableOperation::identify, TableOperation::status,
                                        TableOperation::stop,  TableOperation::abort,    TableOperation::clear_fault};
 
-// As controllers read it: capitals, one blank, numbers without plus, leading zeros and a fraction of zeros. Placeholders stay.
+// Normalises a command as controllers read it: capitals, single blanks, numbers without plus, leading zeros or a zero fraction. Placeholders stay.
 std::string plain(std::string_view command) {
   std::string text;
   bool inside = false;
@@ -137,7 +137,7 @@ std::string plain(std::string_view command) {
   return text;
 }
 
-// The commands of a sentence for an axis; what is not known before a move stays a placeholder.
+// Returns the commands of a sentence for an axis; quantities of a move stay placeholders.
 std::vector<std::string> commands_of(const Exchange& exchange, const std::string& axis_name) {
   std::string text = exchange.send.text();
   const std::string placeholder = "{axis";
@@ -177,7 +177,7 @@ bool sends(const std::string& command, const std::string& trigger) {
   return pattern && pattern->match(command).has_value();
 }
 
-// Where to go is a move's to say.
+// Rejects a target anywhere but in a move.
 std::optional<Clash> place_in(const Dialect& dialect, Axis axis) {
   for (const TableOperation operation : harmless) {
     const std::vector<Exchange>& exchanges = dialect.of(operation).exchanges;

@@ -60,7 +60,7 @@ Result<std::string> SentenceFraming::bodies_of(const std::string& frames, int li
     bodies += (count++ > 0 ? "\n" : "") + TRY(body_of(link_, remaining.substr(0, at)));
     if (more) remaining.erase(0, at + end.size());
   }
-  if (count == lines || (lines == 0 && count == 1)) return bodies;  // what was not asked for is for the codec to judge
+  if (count == lines || (lines == 0 && count == 1)) return bodies;  // the codec judges unexpected lines
   return device_error(fmt::format("answer '{}': expected {}", visible(frames),
                                   lines > 1 ? std::to_string(lines) + " lines" : std::string("one line")));
 }
@@ -142,7 +142,7 @@ class SentenceCodec : public TableCodec {
     return expect ? expect->lines() : 0;
   }
 
-  // What an answer says of the axis.
+  // Takes the axis's values from an answer.
   Status take(Axis axis, const Values& values, AxisReading& reading) const {
     const DialectAxis& scale = dialect_.of(axis);
     for (const auto& [name, text] : values) {

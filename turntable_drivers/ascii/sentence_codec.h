@@ -1,9 +1,9 @@
-// The language of sentences (turntable_drivers/table/table_codec.h), for a table that speaks an ASCII dialect over a serial line or TCP, which
-// a Dialect describes:
+// The codec for sentences (turntable_drivers/table/table_codec.h): a table with an ASCII dialect, described by a Dialect, over a serial
+// line or TCP:
 //
-// - Frame: prefix + body + (check_mark + check digits) + terminator. An answer with a wrong prefix, a wrong or missing check, or more
-//   characters after it than there should be is an error. An echo has to be what was sent.
-// - An answer has to match its template, a number has to be a number, a status has to be known; else it is an error, or "not arrived".
+// - Frame: prefix + body + (check_mark + check digits) + terminator. An answer with a wrong prefix, a wrong or missing check, or extra
+//   characters after it is an error. An echo must repeat what was sent.
+// - An answer must match its template, and a number must be valid; otherwise it is an error. An unknown status means "not arrived".
 #pragma once
 
 #include <memory>
@@ -15,14 +15,14 @@
 
 namespace turncal {
 
-// Sentences and answers on a line, whoever is behind it (the rules above).
+// Sentences and answers on a line to any device, by these rules.
 class SentenceFraming {
  public:
   explicit SentenceFraming(const DialectLink& link) : link_(link) {}
   std::string framed(const std::string& body) const { return frame_of(link_, body) + link_.terminator_out; }
-  // lines: of the answer; 0: none is expected.
+  // lines: number of lines of the answer; 0: no answer is expected.
   std::optional<std::size_t> reply_end(const std::string& heard, int lines, bool at_once) const;
-  // The lines of an answer without their frames, \n between them. An error is of a line that has to be read empty.
+  // Returns the lines of an answer without their frames, separated by \n. After an error the line must be drained.
   Result<std::string> answer(const std::string& sent_body, const std::string& reply, const std::string& heard,
                              int lines) const;
   Judgement garbled(const std::string& what) const;

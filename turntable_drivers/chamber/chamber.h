@@ -1,13 +1,13 @@
-// The one interface through which the station commands a temperature chamber about the unit.
+// The only interface through which the station commands a temperature chamber around the unit.
 //
 // Units: degrees Celsius, C/min. Rules every chamber obeys, and the contract test checks:
-// - No call waits for a temperature. A call returns within the link's time-outs; what became of a command is read back with status(), by the
-//   caller (orchestrator/run/chamber_watch.h), which has the deadlines.
-// - A reading that is not believed (garbled, not a number, beyond the limits and a margin) is an error, never a number.
-// - Set points and ramps beyond the limits are refused. set() and on() go out only to a chamber that connect() has opened; off() goes out on a
-//   link that is opened anew where need be.
-// - All commands may be repeated: they say what shall be, not by how much.
-// Not modelled: humidity, programs of the chamber's own.
+// - No call waits for a temperature. A call returns within the time-outs of the link. The caller (orchestrator/run/chamber_watch.h) reads
+//   back with status() what became of a command, and has the deadlines.
+// - An implausible reading (garbled, not a number, beyond the limits and a margin) is an error, never a number.
+// - Set points and ramps beyond the limits are refused. set() and on() are sent only to a chamber opened by connect(); off() reopens a
+//   closed link if necessary.
+// - Every command may be repeated: it sets a state, not a change.
+// Not modelled: humidity, the chamber's own programs.
 #pragma once
 
 #include <optional>
@@ -18,16 +18,16 @@
 namespace turncal {
 
 struct ChamberStatus {
-  double actual_c = 0.0;  // of the air, by the chamber's own sensor
+  double actual_c = 0.0;  // of the air, by the chamber's sensor
   double set_point_c = 0.0;
-  bool on = false;                           // it heats and cools
-  std::optional<bool> door_open{}, alarm{};  // empty: the chamber does not tell
+  bool on = false;                           // heating and cooling is on
+  std::optional<bool> door_open{}, alarm{};  // empty: not reported
 };
 
 struct ChamberLimits {
-  double low_c = 0.0, high_c = 0.0;  // of set points
-  double ramp_c_per_min = 1.0;       // the fastest
-  double grain_c = 0.1;              // a set point is told, and read, to this
+  double low_c = 0.0, high_c = 0.0;  // range of set points
+  double ramp_c_per_min = 1.0;       // maximum
+  double grain_c = 0.1;              // resolution of set points, sent and read
 };
 
 class Chamber {
@@ -43,10 +43,10 @@ class Chamber {
   virtual void disconnect() = 0;
 };
 
-// An input error beyond the limits.
+// Returns an input error for a set point or ramp beyond the limits.
 Status check_set_point(const ChamberLimits& limits, double temperature_c, double ramp_c_per_min);
 
-// What is wrong with a reading, where something is: a sensor that cannot be right. Its margin: air may overshoot, a room may be anything.
+// How far beyond the limits a reading may be before the sensor counts as faulty: air overshoots, and a room may have any temperature.
 inline constexpr double sensor_margin_c = 50.0;
 bool is_believable(const ChamberLimits& limits, double actual_c);
 

@@ -31,7 +31,7 @@ namespace {
 
 constexpr NumberRange chamber_scale{1e-3, 1e6};
 
-// ADDRESS TYPE, of a number.
+// Reads "ADDRESS TYPE" of a number.
 RegisterField register_field(KeyValueFile& file, const std::string& key) {
   const std::string text = file.text(key);
   const auto words = split_words(text);
@@ -58,7 +58,7 @@ WriteList command_list(KeyValueFile& file, const std::string& key, const WordLay
   return list;
 }
 
-// values: how often {value} has to be in it.
+// `values`: required number of {value}.
 SentenceTemplate sentence_of(KeyValueFile& file, const std::string& key, std::ptrdiff_t values) {
   const std::string text = file.text(key);
   const auto sentence = SentenceTemplate::parse(text);
@@ -97,11 +97,11 @@ ChamberEntry read_entry(KeyValueFile& file, ChamberItem item, const ChamberDescr
   entry.send = sentence_of(file, key, is_read(item) || is_command(item) ? 0 : 1);
   if (is_read(item) || file.has(key + ".expect"))
     entry.expect = sentence_of(file, key + ".expect", is_read(item) ? 1 : 0);
-  if (is_flag(item) && entry.true_values.empty()) file.list(key + ".values");  // the defect: it is missing
+  if (is_flag(item) && entry.true_values.empty()) file.list(key + ".values");  // reports the missing key
   return entry;
 }
 
-// A way of switching off that would switch on, or that cannot be told from it.
+// Rejects an off command that equals the on command or cannot be told from it.
 void reject_clashes(KeyValueFile& file, const ChamberDescription& chamber) {
   const auto &on = chamber.of(ChamberItem::switch_on), &off = chamber.of(ChamberItem::switch_off);
   if (!on || !off) return;
@@ -134,7 +134,7 @@ Result<ChamberDescription> chamber_from(KeyValueFile& file) {
   chamber.language = file.one_of("language", {"registers", "sentences"}) == "registers" ? registers : sentences;
   if (chamber.by_registers()) {
     read_modbus_link(file, chamber.modbus);
-    // A reply that comes twice is seen before the next request, which it could answer.
+    // The gap shows a repeated reply before the next request, which it could answer.
     if (!chamber.modbus.header() && !file.has("link.gap_s")) chamber.modbus.gap_s = 0.05;
     keys.whole("link.unit", chamber.unit, 0, 255);
     keys.whole("read.function", chamber.read_function, 3, 4);
@@ -257,7 +257,7 @@ class ChamberCodec : public LineCodec {
     const Result<std::string> said = ascii_.answer(request.body, reply, heard, expect_ ? expect_->lines() : 0);
     if (!said) return ascii_.garbled(said.error().message);
     const auto values = expect_ ? expect_->match(*said) : std::nullopt;
-    // Another answer may be that of an earlier request: the line is read empty.
+    // A wrong answer may belong to an earlier request, so the line is drained.
     if (expect_ && !values)
       return ascii_.garbled(fmt::format("answer '{}': expected '{}'", visible(*said), visible(expect_->text())));
     value = values && values->contains("value") ? values->at("value") : "";
@@ -268,7 +268,7 @@ class ChamberCodec : public LineCodec {
     return chamber_.by_registers() ? modbus_.has_unexpected(heard) : !heard.empty();
   }
 
-  std::vector<std::uint16_t> registers;  // of the last reply
+  std::vector<std::uint16_t> registers;  // from the last reply
   std::string value;
 
  private:

@@ -1,12 +1,12 @@
-// A chamber that a .chamber file describes, over registers (Modbus TCP, RTU) or sentences (serial, TCP), and its driver. docs/thermal.md lists
-// the keys; turntable_drivers/chamber/chambers/ has two. Link, framing, draining and retries are those of tables (table_line.h, register_codec.h,
-// sentence_codec.h), and so is where each line comes from (LineSource).
+// A chamber that a .chamber file describes, over registers (Modbus TCP, RTU) or sentences (serial, TCP), and its driver. docs/thermal.md
+// lists the keys; turntable_drivers/chamber/chambers/ has two. Link, framing, draining, retries and line sources (LineSource) are those of
+// tables (table_line.h, register_codec.h, sentence_codec.h).
 //
-//   read.actual = 100 s16              registers: ADDRESS TYPE, one reading each
-//   read.actual = TEMP?                sentences: what is sent, and what is answered, with {value} once
+//   read.actual = 100 s16              registers: ADDRESS TYPE, one request per reading
+//   read.actual = TEMP?                sentences: the request, and its answer with one {value}
 //   read.actual.expect = {value},{*}
 //
-// Not modelled: several channels, ramps that only the chamber's own programs know (without write.ramp it goes as fast as it likes).
+// Not modelled: several channels, ramps that only the chamber's own programs have (without write.ramp the chamber chooses its rate).
 #pragma once
 
 #include <array>
@@ -32,7 +32,7 @@ constexpr bool is_flag(ChamberItem item) { return item >= ChamberItem::on && ite
 
 struct ChamberEntry {
   double scale = 1.0;                    // units of the device per C, or per C/min
-  std::vector<std::string> true_values;  // of a flag; empty: of registers, any bit that the mask leaves
+  std::vector<std::string> true_values;  // of a flag; empty: true if any masked bit is set (registers)
   // registers
   RegisterField field;
   std::uint16_t mask = 0xFFFF;
@@ -43,7 +43,7 @@ struct ChamberEntry {
 };
 
 struct ChamberDescription : DeviceDescription {
-  enum class Language { rig, registers, sentences };  // rig: of dry runs alone
+  enum class Language { rig, registers, sentences };  // rig: for dry runs only
   Language language = Language::rig;
   ModbusLinkSettings modbus;
   DialectLink ascii;
@@ -63,14 +63,14 @@ struct ChamberDescription : DeviceDescription {
 
 Result<ChamberDescription> read_chamber(const std::string& path);
 Result<ChamberDescription> parse_chamber(const std::string& text, const std::string& file_name);
-// What is sent and read, to be held against the manual.
+// Returns what is sent and read, to compare with the manual.
 std::vector<TableRow> explain(const ChamberDescription& chamber);
-// Whether a line says what switches the heaters, or tells that they are on.
+// True for a line that switches the heaters or reports whether they are on.
 bool decides_heat(std::string_view key);
 
-// A word of a device as what it says of a flag.
+// True if a device's word sets the flag.
 bool says_true(const ChamberEntry& entry, const std::string& word);
-// The registers of a write.
+// Returns the registers of a write.
 std::vector<std::uint16_t> words_of(const ChamberDescription& chamber, const WriteStep& step);
 std::string number_text(const ChamberDescription& chamber, double value);
 
@@ -79,7 +79,7 @@ class ChamberCodec;
 class DescribedChamber : public Chamber {
  public:
   explicit DescribedChamber(const ChamberDescription& description);
-  ~DescribedChamber() override;  // what was switched on and never read off is told to go off
+  ~DescribedChamber() override;  // switches off what was switched on and was not read off since
 
   Status connect() override;
   std::string identity() const override;
@@ -91,7 +91,7 @@ class DescribedChamber : public Chamber {
   void disconnect() override { line_.close(); }
 
  private:
-  // The answer of one exchange: a number, or a word. Readings are repeated, commands are not.
+  // Makes one exchange and returns its answer, a number or a word. Readings are repeated, commands are not.
   Result<std::string> exchange(ChamberItem item, const std::string& body, bool again);
   Result<std::string> read(ChamberItem item);
   Status tell(ChamberItem item, double value);
@@ -99,10 +99,10 @@ class DescribedChamber : public Chamber {
   Error about(ChamberItem item, const std::string& what) const;
 
   const ChamberDescription chamber_;
-  const StopSignal never_;  // nobody waits for this line but its own thread
+  const StopSignal never_;  // no other thread stops waits on this line
   std::unique_ptr<ChamberCodec> codec_;
   TableLine line_;
-  bool may_be_on_ = false;  // told to go on, and not read off since
+  bool may_be_on_ = false;  // switched on, and not read off since
 };
 
 }  // namespace turncal

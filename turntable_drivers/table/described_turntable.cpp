@@ -7,24 +7,24 @@
 namespace turncal {
 namespace {
 
-constexpr double longest_leg = 0.45;  // of a circle
-constexpr double leg_done_deg = 0.5;  // near enough for the next, which is told as an angle and not as a distance
+constexpr double longest_leg = 0.45;  // fraction of a circle
+constexpr double leg_done_deg = 0.5;  // near enough to send the next leg, whose target is an angle, not a distance
 
 std::string degrees(double value) { return format_number(std::round(1e4 * value) / 1e4) + " deg"; }
 
-// The reason why an axis must not be homed or moved: a fault, a motion, a drive that is off.
+// Returns why an axis must not be homed or moved: a fault, a motion, a disabled drive.
 std::optional<std::string> refusal_of_state(const AxisStatus& now) {
   const std::string text = now.text.empty() ? "" : ": " + now.text;
   if (now.emergency_stop) return "emergency stop is pressed" + text;
   if (now.fault) return "drive fault: expected it cleared" + text;
   if (!now.remote) return "not in remote mode";
-  // A rate that is not known yet, at the first reading of a device that does not tell, is no motion seen.
+  // An unknown rate, at the first reading of a device that reports none, is not a motion.
   if (now.moving && !std::isnan(now.rate_degps)) return "a motion is under way: expected it finished or stopped";
   if (!now.enabled) return "not enabled";
   return {};
 }
 
-// A pulse of a stop is not cut short.
+// A pause within a stop is not interrupted.
 void hold(double seconds) { static_cast<void>(StopSignal().pause(seconds)); }
 
 }  // namespace
@@ -121,7 +121,7 @@ Status DescribedTurntable::open(bool judge_positions) {
   TRY(line_.open());
   const auto prepare = [&]() -> Status {
     TRY(carry_out(TableOperation::setup));
-    // Every axis has to answer, with a reading that makes sense.
+    // Every axis must answer with a plausible reading.
     for (const Axis axis : all_axes) {
       const AxisReading reading = TRY(read(axis, judge_positions && codec_->implausible() == nullptr));
       if (judge_positions && !believable(axis, reading.position_deg))
@@ -185,7 +185,7 @@ Status DescribedTurntable::home() {
 Status DescribedTurntable::move_absolute(Axis axis, double position_deg, double rate_degps,
                                          double acceleration_degps2) {
   TRY(commissioned());
-  // Its numbers, before anything is asked of the device.
+  // The arguments are checked before the device is asked anything.
   if (!(std::abs(position_deg) <= table_.plausible_deg))
     return axis_error(axis, fmt::format("move to {} deg: expected at most {}", format_number(position_deg),
                                         degrees(table_.plausible_deg)));
@@ -197,7 +197,7 @@ Status DescribedTurntable::move_absolute(Axis axis, double position_deg, double 
                       fmt::format("acceleration {} deg/s^2: expected above 0", format_number(acceleration_degps2)));
   const AxisStatus now = TRY(ready(axis));
   if (!now.homed) return axis_error(axis, "not homed");
-  // A table that takes all three angles at once must not go on with a motion that was stopped.
+  // A table that takes all three angles at once must not resume a stopped motion.
   if (targets_void_ && codec_->moves_all()) {
     for (const Axis other : all_axes) {
       if (other == axis) continue;
@@ -215,7 +215,7 @@ Status DescribedTurntable::move_absolute(Axis axis, double position_deg, double 
 }
 
 Status DescribedTurntable::send_leg(Axis axis, double from_deg) {
-  // Taken away while it is sent: what goes wrong looks at the axis, and must not send another.
+  // Cleared during sending: on an error send_move() reads the status, which must not send another leg.
   const std::optional<MoveNumbers> way = std::exchange(way_[index(axis)], {});
   const double left_deg = way->position_deg - from_deg;
   const double legs = std::ceil(std::abs(left_deg) / (longest_leg * codec_->scale(axis).modulo_deg));
@@ -227,11 +227,11 @@ Status DescribedTurntable::send_leg(Axis axis, double from_deg) {
   return {};
 }
 
-// REQUIRES: the report is the axis's own reading.
+// REQUIRES: `report` is based on a reading of this axis.
 Status DescribedTurntable::go_on(Axis axis, AxisStatus& report) {
   std::optional<MoveNumbers>& way = way_[index(axis)];
   if (!way) return {};
-  if (refusal_of_state(report) && !report.moving) way.reset();  // a fault, an emergency stop, a drive that is off
+  if (refusal_of_state(report) && !report.moving) way.reset();  // a fault, an emergency stop, a disabled drive
   if (!way) return {};
   const bool done = report.in_position && !report.moving &&
                     std::abs(report.position_deg - moves_[index(axis)].position_deg) <= leg_done_deg;
@@ -250,7 +250,7 @@ Status DescribedTurntable::send_move(Axis axis, const MoveNumbers& move) {
     return {};
   }
   if (sent.error().kind == ErrorKind::aborted || !line_.is_open()) return sent;
-  // A move that was not acknowledged is never sent again blindly: the error says what the axis was seen to do.
+  // An unacknowledged move is never repeated blindly: the error says what the axis was seen to do.
   const Result<AxisStatus> after = status(axis);
   const char* const state = !after ? "its state cannot be read" : after->moving ? "it moves" : "it stands";
   return Error{sent.error().kind, fmt::format("{}; {}", sent.error().message, state)};
@@ -279,11 +279,11 @@ Status DescribedTurntable::halt(bool off) {
   };
   stop_.handled();
   if (!line_.is_open()) {
-    enable_called_ = false;  // whoever comes back finds it not ready
+    enable_called_ = false;  // after reconnecting, the table is not enabled
     TRY(line_.open());
     lost_ = false;
   }
-  // Step by step, each to every axis: what follows the first step of one axis must not keep it from the next.
+  // Each step goes to every axis before the next: later steps of one axis must not delay the first step of another.
   std::array<bool, 3> taken{true, true, true};
   for (std::size_t step = 0, more = 1; more != 0; ++step) {
     more = 0;
@@ -397,13 +397,13 @@ AxisStatus DescribedTurntable::report_of(Axis axis, const AxisReading& reading) 
     memory.arrived_seen = memory.arrived_seen || report.in_position;
     report.in_position = memory.arrived_seen && !report.moving;
   }
-  // A device that knows only a circle has forgotten the turns after a lost link: it has to be homed again.
+  // A device with a circular scale has lost its turns after a lost link: it must be homed again.
   const bool turns_known = scale.modulo_deg == 0.0 || memory.home_called;
   bool is_homed = says(homed), unsettled = false;
   if (!codec_->searches()) {
     is_homed = memory.home_called;
   } else if (!codec_->tells(homed)) {
-    // Without a flag of its own, "arrived" may be the old one: see AxisMemory.
+    // Without a homed flag, "arrived" may be stale: see AxisMemory.
     is_homed = memory.homed || (memory.home_called && report.in_position && !report.moving);
     unsettled = !report.in_position && !memory.homed;
   }
@@ -419,7 +419,7 @@ AxisStatus DescribedTurntable::report_of(Axis axis, const AxisReading& reading) 
 
 Result<AxisStatus> DescribedTurntable::status(Axis axis) {
   TRY(connected());
-  // A heartbeat that was not acknowledged is due again; the reading says whether the drive is there.
+  // An unacknowledged heartbeat stays due; the reading tells whether the drive is there.
   const Status heartbeat = beat();
   const AxisReading reading = TRY(read(axis, true));
   if (!heartbeat && heartbeat.error().kind == ErrorKind::input) return heartbeat.error();

@@ -1,23 +1,23 @@
 // The driver of every table that a file describes, by a register map (turntable_drivers/modbus/register_codec.h) or a dialect
-// (turntable_drivers/ascii/sentence_codec.h): when an axis may be enabled, homed or moved, what is believed of what it says, and how it
-// is stopped.
+// (turntable_drivers/ascii/sentence_codec.h). It decides when an axis may be enabled, homed or moved, which readings are believed, and how
+// the axis is stopped.
 //
-// - Nothing is switched on or moves before the description is commissioned, enable() was called since connect(), and the drive's own
-//   state says enabled, homed, at rest, without fault, in remote.
-// - A reply that is not the one asked for is an error. Readings are repeated read_retries times, the next failure is a lost link; commands are
-//   never repeated. A position is believed by the rule of AxisMemory; one that is not is read again, and then an error.
-// - stop_all() and abort_all() go out at once, step by step, each to every axis and waiting at most stop_ack_s; axes that did not take one are
-//   asked again. They also go out on a link that counts as lost, or was closed after trouble.
-// - A drive that was told to go off, or last read off, is sent abort in place of stop: a stop must not switch it on. Where a stop is of
-//   the whole table it gives way to abort only when all drives are off.
-// - A table that takes all three angles at once gets, with the move of one axis, the last targets of the others, or where they stand once they
-//   were stopped.
-// - What a device cannot tell: rate comes from two positions; enabled is what was commanded; homed is "arrived after a homing"; faults,
-//   limits, emergency stop and local mode are not seen, which docs/tables.md says to the user.
-// - A circle that is entered the shorter way is gone in legs of less than half of it: status() sends the next one when the last is done, and
-//   says "moving" until then. A stop, a fault, or a drive that is off ends it.
-// - A heartbeat, if there is one, is written with any status reading, when it is due.
-// Not modelled: restarting a drive's own programs, torque limits. One thread.
+// - Nothing is enabled or moves unless the description is commissioned, enable() was called since connect(), and the drive itself
+//   reports enabled, homed, at rest, no fault and remote control.
+// - A reply to another request is an error. A failed reading is repeated read_retries times, then the link counts as lost; commands are
+//   never repeated. AxisMemory decides which positions are believed; one that is not is read again, and finally an error.
+// - stop_all() and abort_all() are sent at once, step by step, each step to every axis, waiting at most stop_ack_s. Axes without an
+//   acknowledgement get them again. They are also sent on a link that counts as lost or was closed after trouble.
+// - A drive that was commanded off, or last read off, gets abort instead of stop, since a stop might enable it. A stop of
+//   the whole table is replaced by abort only if all drives are off.
+// - A table that takes all three angles at once gets, with a move of one axis, the last targets of the others, or their positions after
+//   a stop.
+// - What a device does not report: the rate is computed from two positions; enabled is what was commanded; homed is "arrived after a
+//   homing"; faults, limits, emergency stop and local mode stay unseen, which docs/tables.md tells the user.
+// - A long move of a circular axis that takes the shorter way is made in legs of less than half a turn. status() sends the next leg when one
+//   is done, and reports "moving" until the last. A stop, a fault, or a disabled drive ends the move.
+// - A heartbeat, if there is one, is sent before a status reading when it is due.
+// Not modelled: restarting a drive's own programs, torque limits. Single-threaded.
 #pragma once
 
 #include <algorithm>
@@ -38,27 +38,27 @@
 
 namespace turncal {
 
-// What a driver remembers of an axis from reading to reading, and what it makes of a new one. Plain arithmetic.
+// What a driver remembers of an axis between readings, and how it judges a new one. Plain arithmetic.
 //
-// - A position is believable when it is finite, within plausible_deg, and, once homed, no further from the last than
-//   plausible_rate_degps allows (and 1 deg).
-// - A device that tells no rate: it comes from two positions at least 50 ms apart, since one count in 1 ms would be a motion; NaN
-//   (unknown, which is "not arrived") until there are two.
-// - After a command to home the flag may be the old one: homed counts when the homing was seen to begin (the flag gone, the axis turning or
-//   elsewhere), or from the third reading on of an axis that stands at its zero.
+// - A position is believable if it is finite, within plausible_deg and, once homed, within reach of the last one at
+//   plausible_rate_degps (plus 1 deg).
+// - If a device reports no rate, it is computed from two positions at least 50 ms apart, since one count in 1 ms would look like motion. It
+//   is NaN (unknown, hence "not arrived") until there are two.
+// - After a command to home, the flag may be stale: homed counts once the homing was seen to begin (the flag cleared, the axis turning or
+//   displaced), or from the third reading on if the axis stands at its zero.
 struct AxisMemory {
-  std::optional<double> position_deg;  // last believed, cumulative
+  std::optional<double> position_deg;  // last believed one, cumulative
   double read_s = 0.0;
   double rate_degps = std::numeric_limits<double>::quiet_NaN();  // from two positions
   double rate_base_deg = 0.0, rate_base_s = -std::numeric_limits<double>::infinity();
-  bool homed = false;        // as last reported
+  bool homed = false;        // as last reported to the caller
   bool home_called = false;  // since the link was opened
   int homing_polls = 0;
   bool homing_seen = false;
   std::optional<double> homing_from_deg;
-  bool arrived_seen = false;  // of a flag that shows for a moment only
+  bool arrived_seen = false;  // for a flag that is set only briefly
   double heartbeat_s = -1e9;
-  std::optional<bool> drive_on;  // as last read; empty: not read since it was connected or switched on
+  std::optional<bool> drive_on;  // as last read; empty: not read since connect() or enable()
 
   bool believable(double angle_deg, double now_s, double plausible_deg, double plausible_rate_degps) const {
     if (!(std::abs(angle_deg) <= plausible_deg)) return false;
@@ -76,7 +76,7 @@ struct AxisMemory {
     position_deg = angle_deg;
     read_s = now_s;
   }
-  // searches: the axis has to turn to find its zero.
+  // searches: the axis must turn to find its zero.
   void homing_began(bool searches) {
     home_called = true;
     homed = false;
@@ -84,7 +84,7 @@ struct AxisMemory {
     homing_seen = !searches;
     homing_from_deg = position_deg;
   }
-  // REQUIRES: note() has the position of this reading.
+  // REQUIRES: note() was called with the position of this reading.
   bool judge_homed(bool device_says, bool moving) {
     constexpr double stands_deg = 1.0;
     const auto is_at = [&](double angle_deg) {
@@ -104,7 +104,7 @@ struct AxisMemory {
 
 class DescribedTurntable : public Turntable {
  public:
-  // Of a RegisterMap or a Dialect, in the language that codec_of() makes of it. The clock and the count must outlive the table.
+  // Takes a RegisterMap or a Dialect; codec_of() makes its codec. The clock and the count must outlive the table.
   template <class Description>
   DescribedTurntable(const Description& description, const Clock& clock,
                      const std::atomic<int>* stop_requests = nullptr)
@@ -125,8 +125,8 @@ class DescribedTurntable : public Turntable {
   bool can_switch_off() const override { return table_.can_switch_off; }
   bool tells_drives() const override { return codec_->tells(DriveBit::enabled); }
 
-  // Reads every axis, which the user has put at known angles, and says which settings fit. Success: those of the description do, and no other
-  // would. Needs no connect(), which believes no position that is not plausible.
+  // Reads every axis, which the user has set to known angles, and reports which settings fit. Succeeds if those of the description fit and no
+  // others do. connect() is not needed, as it accepts only plausible positions.
   Status commission(const AxisTriple& known_deg, double tolerance_deg);
 
  private:
@@ -139,21 +139,21 @@ class DescribedTurntable : public Turntable {
   Error about(const TableRequest& request, const Error& error) const;
   Status connected() const;
   Status commissioned() const;
-  // The axis's reading; or why it must not be homed or moved now.
+  // Returns the axis's status, or an error that says why it must not be homed or moved now.
   Result<AxisStatus> ready(Axis axis);
 
   Status open(bool judge_positions);
   Status carry_out(TableOperation operation, Axis axis, const Moves& moves);
   Status carry_out(TableOperation operation);  // for all axes, or the table
-  Status halt(bool off);                       // to every axis at once
+  Status halt(bool off);                       // sent to every axis at once
   Status beat();                               // to every drive whose heartbeat is due
   Judgement read_once(Axis axis, AxisReading& reading);
-  // A position of a circle is unwrapped.
+  // Reads an axis and unwraps the position of a circular one.
   Result<AxisReading> read(Axis axis, bool believed_only);
   bool believable(Axis axis, double position_deg) const;
   AxisStatus report_of(Axis axis, const AxisReading& reading);
   Status send_move(Axis axis, const MoveNumbers& move);
-  // In legs, of a circle the shorter way.
+  // Sends the next leg of a move that takes the shorter way.
   Status send_leg(Axis axis, double from_deg);
   Status go_on(Axis axis, AxisStatus& report);
 
@@ -168,12 +168,12 @@ class DescribedTurntable : public Turntable {
   bool connected_ = false;
   bool was_connected_ = false;
   bool enable_called_ = false;
-  bool commanded_on_ = false;   // enable was sent, and no abort was taken since
+  bool commanded_on_ = false;   // enable was sent, and no abort was acknowledged since
   bool commanded_off_ = false;  // since enable()
-  bool targets_void_ = true;    // after a stop or a homing the axes stand elsewhere
+  bool targets_void_ = true;    // after a stop or a homing the axes are not at their targets
   std::array<AxisMemory, 3> memory_;
-  Moves moves_;                                    // the last of each axis
-  std::array<std::optional<MoveNumbers>, 3> way_;  // what the present leg is a part of
+  Moves moves_;                                    // the last move of each axis
+  std::array<std::optional<MoveNumbers>, 3> way_;  // the whole move to which the present leg belongs
 };
 
 }  // namespace turncal

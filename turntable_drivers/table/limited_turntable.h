@@ -1,11 +1,11 @@
-// LimitedTurntable: what the station allows, around any driver. A move beyond the soft travel, the rate, the acceleration or the
-// cable's winding is refused before the driver hears of it; everything else is passed on.
+// LimitedTurntable: the limits of the station around any driver. A move beyond the soft travel, the rate, the acceleration or the
+// cable winding is refused before it reaches the driver; everything else is passed on.
 //
-// The cable's winding of an axis is the largest minus the smallest cumulative angle it has stood at, or was sent to, since it was
-// homed. The plan is checked against the same limits before a run (sequences/plan.h); this is the second lock, for moves that
-// no plan knows. An axis found outside its soft travel may only be moved back into it.
-// A table that finds its zero at every turn forgets a turn of its cable when it is homed: start with the cable unwound.
-// Not modelled: the room between axes (a unit that hits the frame at some combination of angles).
+// The cable winding of an axis is the largest minus the smallest cumulative angle at which it stood, or to which it was sent, since it was
+// homed. The plan is checked against the same limits before a run (sequences/plan.h); this is the second check, for moves that
+// are in no plan. An axis found outside its soft travel may only be moved back into it.
+// A table that finds its zero once per turn forgets a wound turn of the cable on homing: start with the cable unwound.
+// Not modelled: collisions that depend on the combination of angles.
 #pragma once
 
 #include <fmt/format.h>
@@ -28,11 +28,11 @@ class LimitedTurntable : public Turntable {
   Status connect() override { return table_.connect(); }
   Result<TableIdentity> identify() override { return table_.identify(); }
   Status enable() override {
-    switched_on_ = true;  // also where the answer was lost
+    switched_on_ = true;  // even if the answer was lost
     return table_.enable();
   }
   Status home() override {
-    travel_ = {};  // the zero may change, and a cable is wound as it is at zero
+    travel_ = {};  // homing may change the zero, and the winding is counted from there
     return table_.home();
   }
   Status move_absolute(Axis axis, double position_deg, double rate_degps, double acceleration_degps2) override {
@@ -48,7 +48,7 @@ class LimitedTurntable : public Turntable {
     if (!(rate_degps <= limit.max_rate_degps)) return refused("rate", rate_degps, "deg/s", limit.max_rate_degps);
     if (!(acceleration_degps2 <= limit.max_acceleration_degps2))
       return refused("acceleration", acceleration_degps2, "deg/s^2", limit.max_acceleration_degps2);
-    // Where it stands now belongs to the travel.
+    // The present position is part of the travel.
     TRY(status(axis));
     const std::optional<Travel>& known = travel_[index(axis)];
     if (known && limit.wrap_deg > 0.0) {

@@ -42,7 +42,7 @@ void read_link_times(KeyTable& keys, TableLinkSettings& link, const std::string&
 }
 
 void read_axis_scale(KeyValueFile& file, Axis axis, AxisScale& scale, const std::string& units, bool has_default) {
-  constexpr NumberRange range{1e-6, 1e9};  // beyond it a number is a slip of the pen
+  constexpr NumberRange range{1e-6, 1e9};  // a number outside is a mistake
   KeyTable keys(file);
   const std::string prefix = fmt::format("axis.{}.", to_string(axis));
   scale.units_per_degree =

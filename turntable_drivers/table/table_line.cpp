@@ -14,9 +14,9 @@ namespace turncal {
 namespace {
 
 constexpr double slice_s = 1e-3 * StopSignal::longest_look_away_ms;
-constexpr double write_timeout_s = 0.01;  // the kernel takes a request at once; a line that does not is dead
+constexpr double write_timeout_s = 0.01;  // the kernel takes a request at once; otherwise the line is dead
 constexpr std::size_t longest_reply = 4096;
-constexpr double longest_drain = 2.0;  // times quiet_s, once no answer can come any more: then nobody can be understood
+constexpr double longest_drain = 2.0;  // times quiet_s, after the last possible answer: then the line is beyond use
 
 }  // namespace
 
@@ -133,7 +133,7 @@ Judgement TableLine::exchange(const TableRequest& request, LineCodec& codec, Axi
   if (!is_open()) return failure("not open");
   if (stop_.pending()) return given_up();
   if (!stop_.pause(last_activity_s_ + settings_.gap_s - monotonic_s())) return given_up();
-  TRY(receive(0.0));  // after the pause: a reply that comes twice could answer this request
+  TRY(receive(0.0));  // after the pause: a repeated reply could answer this request
   if (codec.has_unexpected(heard_)) stale_ = true;
   if (stale_) TRY(drain());
   TRY(send(request.bytes));
@@ -148,7 +148,7 @@ Status TableLine::send_at_once(const TableRequest& request, LineCodec& codec, bo
   if (!is_open()) return failure("not open");
   TRY(send(request.bytes));
   if (!request.answered || !awaits) {
-    stale_ = true;  // the answer to what was interrupted may still come
+    stale_ = true;  // the answer to an interrupted request may still come
     return awaits ? Status() : failure("not awaited");
   }
   const Deadline deadline(stop_ack_s);

@@ -1,6 +1,6 @@
-// The state of an axis and of a table in one word, for people: the monitor, the run's log and the status page. Nothing is decided by
-// that. What is wrong with an axis, for whoever moves it. Pure functions of what was read; stopping is what the reader has to say, since
-// a table does not.
+// The state of an axis and of a table in one word, for people: the monitor, the log of a run and the status page. Nothing is decided
+// from it. Also what is wrong with an axis, for whoever moves it. Pure functions of the readings; the caller must report `stopping`, which
+// a table does not know.
 #pragma once
 
 #include <span>
@@ -11,8 +11,8 @@
 
 namespace turncal {
 
-// From the best to the worst: a table is what its worst axis is. settling: at rest, but not where it was sent. emergency_stop: a person
-// has to release it, clear the drives and begin anew; no command here does.
+// From best to worst: a table has the state of its worst axis. settling: at rest, but not at its target. emergency_stop: a person
+// must release it, clear the drives and start again; no command here does.
 enum class TableState { idle, settling, moving, stopping, not_ready, fault, emergency_stop, link_lost };
 template <>
 inline constexpr auto enum_words<TableState> = std::to_array({"idle", "settling", "moving", "stopping", "not ready",
@@ -36,7 +36,7 @@ constexpr TableState state_of(std::span<const AxisStatus> axes, bool stopping = 
   return worst;
 }
 
-// Why nothing may go on with this axis; empty: it may. in_use: it has to be switched on and to know its zero.
+// Returns why nothing may continue with this axis; empty if it may. in_use: it must be enabled and homed.
 inline std::string trouble_of(Axis axis, const AxisStatus& read, bool in_use) {
   const std::string name = to_string(axis);
   const std::string text = read.text.empty() ? "" : ": " + read.text;
@@ -49,7 +49,7 @@ inline std::string trouble_of(Axis axis, const AxisStatus& read, bool in_use) {
   return "";
 }
 
-// Of a table whose status() failed just now.
+// Returns the state of a table whose status() has just failed.
 inline TableState state_unread(const Turntable& table) {
   return table.answers() ? TableState::fault : TableState::link_lost;
 }

@@ -7,7 +7,7 @@ namespace turncal {
 namespace {
 
 constexpr double longest_reconnect_wait_s = 5.0;
-constexpr double same_place_deg = 0.01;  // an encoder's last digits do not stand still
+constexpr double same_place_deg = 0.01;  // the last digits of an encoder fluctuate
 
 bool drives_on(const TableStatus& axes) {
   return std::ranges::any_of(axes, [](const AxisStatus& axis) { return axis.drive_on; });
@@ -69,7 +69,7 @@ bool TableStop::look(const TableStatus* axes, double now_s) {
   } else if (axes != nullptr && now_s < brakes_until_s_) {
     return false;
   }
-  // Whether it is taken is judged by what the axes do.
+  // Success is judged by what the axes do.
   if (now_s >= repeat_at_s_) static_cast<void>(abort(now_s).ok());
   if (axes == nullptr && !table_.answers()) reconnect(now_s);
   return false;
@@ -83,7 +83,7 @@ void TableStop::reconnect(double now_s) {
   reached_again_ = connected.ok();
   unreached_ = connected ? "" : connected.error().message;
   if (!connected) return;
-  // Nobody took the fastest stop while the link was down: it may still brake as it should.
+  // No fastest stop was taken while the link was down, so a braking stop is tried again.
   if (!abort_taken_) static_cast<void>(stop(now_s).ok());
 }
 
@@ -110,7 +110,7 @@ Status leave_off(Turntable& table, const StopTime& time) {
   const double began_s = time.now_s();
   stop.begin(began_s, time.brake_s);
   bool stop_sent = false;
-  std::optional<Error> unread;  // why nothing can be read, the first reason
+  std::optional<Error> unread;  // the first reason why nothing can be read
   for (;;) {
     TableStatus axes{};
     bool readable = true, given_up = false;
@@ -118,7 +118,7 @@ Status leave_off(Turntable& table, const StopTime& time) {
       Result<AxisStatus> now = table.status(axis);
       if (!now) {
         readable = false;
-        // A driver that gives a reading up for a stop that was asked for reads again once a stop went out.
+        // A driver that gave up a reading because of a stop request can read again once a stop was sent.
         given_up = now.error().kind == ErrorKind::aborted || now.error().kind == ErrorKind::interrupted;
         if (!given_up && !unread) unread = now.error();
         break;
