@@ -12,7 +12,7 @@ namespace turncal {
 
 namespace {
 
-// A duration that is a whole number of samples but for rounding must not become one sample longer.
+// Rounding must not make a duration of whole samples one sample longer.
 constexpr double sample_slack = 1e-6;
 
 constexpr double shortest_dwell_s = 1.0;
@@ -21,10 +21,10 @@ std::int64_t whole_samples(double duration_s, double period_s) {
   return std::int64_t(std::ceil(duration_s / period_s - sample_slack));
 }
 
-// For messages: six decimals at most.
+// Formats a number for messages, with at most six decimals.
 std::string text_of(double value) { return format_number(std::round(value * 1e6) / 1e6 + 0.0); }
 
-// Walks the items in order, carrying commanded angles and the sample counter.
+// Walks through the items with the commanded angles and the sample counter.
 class Planner {
  public:
   Planner(const Sequence& sequence, const PlanLimits& limits)
@@ -54,7 +54,7 @@ class Planner {
     int further = 0;
   };
 
-  // One line a cause: the same axis going to the same place at forty moves is one.
+  // One line per cause: the same axis going to the same place in forty moves is one.
   void refuse(int line, const Step& step, const std::string& what) {
     const auto known = std::ranges::find_if(causes_, [&](const Cause& c) { return c.what == what; });
     const std::string& file = step.file.empty() ? sequence_.file : step.file;

@@ -3,13 +3,13 @@
 // A move of angle A at rate r with acceleration a (trapezoidal profile, the same acceleration for braking) takes
 //   A/r + r/a            when A >= r^2/a
 //   2 sqrt(A/a)          otherwise (the rate is never reached: triangular profile)
-// and then `settle_s` until it counts as arrived. Every duration is rounded up to whole IMU samples, since the
-// recording is a contiguous stream of samples; a dwell is counted in samples.
+// and then `settle_s` until it counts as arrived. Every duration is rounded up to whole IMU samples, because the
+// recording is a contiguous stream of samples; dwells are counted in samples.
 //
-// Units: degrees, deg/s, deg/s^2, seconds; times and samples count from the first sample of the recording, when the
-// table already stands at the sequence's start position.
+// Units: degrees, deg/s, deg/s^2, seconds. Times and samples count from the first sample of the recording, when the
+// table is already at the sequence's start position.
 //
-// Not modelled: the way to the start position, homing, repeated dwells, a table slower than it was told, operators.
+// Not modelled: the move to the start position, homing, repeated dwells, a table slower than commanded, operators.
 #pragma once
 
 #include <array>
@@ -31,7 +31,7 @@ struct PlanLimits {
   const AxisLimits& operator[](Axis which) const { return axis[std::size_t(which)]; }
 };
 
-// One item of the sequence with its place in time. Fields of the other kind are left at their defaults.
+// An item of the sequence with its place in time. Fields of the other kind of item keep their defaults.
 struct PlannedItem : PlannedMotionItem {
   std::size_t step_index = 0;  // sequence.steps[step_index].items[item_index]
   std::size_t item_index = 0;
@@ -50,25 +50,25 @@ struct Plan {
   int still_dwells = 0;
   std::int64_t samples = 0;   // of the whole run
   double station_s = 0.0;     // samples * sample_period_s
-  double moving_s = 0.0;      // of station_s, settling included
-  AxisTriple travel_min_deg;  // cumulative angles reached, start position included
+  double moving_s = 0.0;      // part of station_s, including settling
+  AxisTriple travel_min_deg;  // cumulative angles reached, including the start position
   AxisTriple travel_max_deg;
-  AxisTriple wrap_used_deg;  // travel_max - travel_min: what the cable winds
+  AxisTriple wrap_used_deg;  // travel_max - travel_min: cable winding
   AxisTriple turned_deg;     // sum of |angle| over all moves
-  // Why the table must not run this: one line each, "file:line: step N: ...". Repetitions of one cause (the same axis
+  // Why the table must not run this, one line each: "file:line: step N: ...". Further lines with the same cause (the same axis
   // and value) are counted on the first line. Empty: the run may start.
   std::vector<std::string> violations;
   bool ok() const { return violations.empty(); }
 };
 
-// Time of the motion alone, without settling. The sign of the angle does not matter.
-// REQUIRES rate and acceleration > 0.
+// Returns the time of the motion without settling. The sign of the angle does not matter.
+// REQUIRES: rate and acceleration > 0.
 double move_duration_s(double angle_deg, double rate_degps, double acceleration_degps2);
 
-// REQUIRES sample_period_s > 0. Always gives the full plan, also with violations.
+// Returns the complete plan, even with violations. REQUIRES: sample_period_s > 0.
 Plan make_plan(const Sequence& sequence, const PlanLimits& limits);
 
-// The segments a perfect run records: one a move (rotate, settling included), one a dwell.
+// Returns the segments of a perfect run: one per move (rotate, including settling), one per dwell.
 Segments planned_segments(const Plan& plan);
 
 }  // namespace turncal

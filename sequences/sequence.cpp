@@ -1,5 +1,5 @@
-// The parser of docs/sequences.md, and sequences one after another. One pass over the lines; the commanded angles are carried
-// along, so that rotations, which are relative in the file, become absolute targets here.
+// The parser of docs/sequences.md, and the appending of sequences. One pass over the lines carries the commanded angles
+// along, so that rotations, which are relative in the file, become absolute targets.
 #include "sequences/sequence.h"
 
 #include <fmt/format.h>
@@ -22,7 +22,7 @@ namespace {
 
 constexpr std::size_t largest_file_bytes = 1'000'000;
 constexpr std::size_t longest_shown = 40;
-// From the inner axis outwards.
+// From the inner to the outer axis.
 constexpr std::array<Axis, 3> approach_order = {Axis::roll, Axis::pitch, Axis::heading};
 constexpr std::int64_t shortest_dwell_samples = 200;        // 1 s at 200 Hz: one stillness window
 constexpr std::int64_t longest_dwell_samples = 17'280'000;  // a day at 200 Hz: more is a typing mistake
@@ -31,7 +31,7 @@ constexpr double largest_angle_deg = 3600.0;
 constexpr double smallest_rate = 0.001;  // deg/s or deg/s^2: any turn ends within a few months
 constexpr double largest_rate = 100'000.0;
 
-// Commanded angles are kept to 1e-9 deg, so that turns which add up to nothing end exactly where they began.
+// Commanded angles are rounded to 1e-9 deg, so that turns that cancel end exactly where they began.
 double rounded_deg(double angle_deg) { return std::round(angle_deg * 1e9) / 1e9 + 0.0; }  // + 0.0: no negative zero
 
 bool is_name(std::string_view text) {
@@ -46,8 +46,8 @@ bool is_free_parameter(std::string_view key) {
   return false;
 }
 
-// A line is words separated by blanks; `"..."` is one title; `=` stands alone; `#` outside a title starts a comment. A line's last token is
-// `end`. Columns count bytes from 1.
+// A line is words separated by blanks; `"..."` is one title; `=` is a token of its own; `#` outside a title starts a comment. The last
+// token of a line is `end`. Columns count bytes from 1.
 struct Token {
   enum class Kind { word, title, equals, end } kind = Kind::end;
   std::string_view text;  // a title without its quotes; empty at the end
@@ -58,12 +58,12 @@ struct Token {
 bool is_blank(char c) { return c == ' ' || c == '\t'; }
 bool ends_word(char c) { return is_blank(c) || c == '=' || c == '#' || c == '"'; }
 
-// The word as a value; nothing for anything else (a title, a sign too many, digits left over, overflow, inf or NaN).
+// Returns the value of a word; nothing for anything else (a title, two signs, trailing characters, overflow, inf or NaN).
 std::optional<double> as_number(const Token& token) {
   std::string_view text = token.text;
   if (token.kind != Token::Kind::word || text.starts_with("+-")) return std::nullopt;
   if (text.starts_with('+'))
-    text.remove_prefix(1);  // a turn is written with its sign, which parse_number does not take
+    text.remove_prefix(1);  // turns are written with their sign, which parse_number() does not accept
   return parse_number(text);
 }
 
@@ -77,7 +77,7 @@ std::optional<Axis> as_axis(const Token& token) {
   return std::nullopt;
 }
 
-// Quoted, at most 40 bytes, nothing unprintable.
+// Returns the token in quotes: at most 40 bytes, unprintable characters as '?'.
 std::string shown(const Token& token) {
   if (token.kind == Token::Kind::end) return "the end of the line";
   std::string text(token.text.substr(0, longest_shown));
@@ -137,7 +137,7 @@ class Parser {
     return {};
   }
 
-  // The line's words are taken one after the other; the end token is never passed.
+  // The tokens of a line are taken in order; next() never passes the end token.
   const Token& peek() const { return tokens_[next_]; }
   Token next() { return tokens_[peek().kind == Token::Kind::end ? next_ : next_++]; }
   Status expect_end(std::string_view otherwise) const {
@@ -158,7 +158,7 @@ class Parser {
     return wrong(word, "step, determines, initial, align, dwell or rotate");
   }
 
-  // key = value, above the first step.
+  // Parses a header line `key = value` above the first step.
   Status parse_header(const Token& key) {
     const bool is_format = key.is("format");
     const bool is_the_name = key.is("name");
@@ -308,7 +308,7 @@ class Parser {
     return {};
   }
 
-  // What can be said about a step only at its end.
+  // Checks what is known only at the end of a step.
   Status close_step() const {
     const Step& step = sequence_.steps.back();
     const auto found = [&](std::string_view what) {
@@ -338,9 +338,9 @@ class Parser {
   std::size_t next_ = 0;
   Sequence sequence_;
   AxisTriple commanded_deg_;
-  std::size_t positioning_moves_ = 0;  // at the front of the current step
+  std::size_t positioning_moves_ = 0;  // at the start of the current step
   bool has_format_ = false;
-  bool has_initial_ = false;  // the current step
+  bool has_initial_ = false;  // of the current step
   bool has_still_dwell_ = false;
 };
 

@@ -1,8 +1,8 @@
-// A calibration sequence as plain data: what the parser makes of a .seq file and what the state machine walks.
+// A calibration sequence as plain data: the parser makes it of a .seq file, and the state machine executes it.
 //
-// A step begins by moving to its initial position (roll first, then pitch, then heading, only the axes that differ),
-// then does its items in order. Angles are absolute and cumulative in degrees: "roll +360" from 0 ends at 360. A dwell
-// is counted in IMU samples. The state machine knows no step by heart.
+// A step begins with the moves to its initial position (roll first, then pitch, then heading, only the axes that differ).
+// Then come its items in order. Angles are absolute and cumulative in degrees: "roll +360" from 0 ends at 360. Dwells
+// are counted in IMU samples. The state machine has no built-in steps.
 #pragma once
 
 #include <cstdint>
@@ -32,8 +32,8 @@ struct SequenceItem {
   Kind kind = Kind::dwell;
   Move move;
   Dwell dwell;
-  int line = 0;              // in the file, for messages; of a move to the initial position: that of `initial`
-  bool positioning = false;  // a move to the step's initial position, put there by the parser
+  int line = 0;              // in the file, for messages; for a move to the initial position the line of `initial`
+  bool positioning = false;  // a move to the step's initial position, inserted by the parser
 };
 
 struct Step {
@@ -41,30 +41,30 @@ struct Step {
   std::string title;
   std::vector<std::string> determines;  // parameter keys
   AxisTriple initial_deg;
-  std::vector<SequenceItem> items;  // the moves to the initial position are already in front
+  std::vector<SequenceItem> items;  // beginning with the moves to the initial position
   int line = 0;
-  std::string file;  // where it is another than the sequence's (append_steps)
+  std::string file;  // if it differs from the sequence's (append_steps)
 };
 
 struct Sequence {
   std::string name;
   std::string file;
-  AxisTriple start_deg;     // where the table must stand before step 1 (its initial position)
+  AxisTriple start_deg;     // position of the table before step 1: its initial position
   double rate_degps = 0.0;  // the file's defaults: for rotations that name none, for moves to initial positions,
   double acceleration_degps2 = 0.0;  // and for going to start_deg
   std::vector<Step> steps;
-  std::string text;  // the file's bytes, for the hash that goes into records
+  std::string text;  // the bytes of the file, whose hash goes into records
 };
 
-// Grammar, worked example and every refusal: docs/sequences.md. An error is one line
-// "file:line:column: found 'token', expected ...". The file name is used in messages only; nothing is read. `path`: a file, or the name of a shipped one.
+// Parses a sequence. Grammar, worked example and every error: docs/sequences.md. An error is one line "file:line:column: found 'token',
+// expected ...". `file_name` is for messages only; nothing is read. `path` is a file, or the name of a built-in sequence.
 Result<Sequence> parse_sequence(const std::string& text, const std::string& file_name);
 Result<Sequence> read_sequence(const std::string& path);
 
-// The steps of `more` after those of `sequence`, with numbers that go on; the table is turned to their start at their own rate.
+// Appends the steps of `more` and continues the numbering. The moves to their start have the rate of `more`.
 void append_steps(const Sequence& more, Sequence& sequence);
 
-// The moves to a step's initial position: the axes that stand elsewhere, the inner ones first.
+// Returns the moves to a step's initial position: the axes that differ, inner ones first.
 std::vector<SequenceItem> approach(const AxisTriple& from_deg, const AxisTriple& to_deg, double rate_degps,
                                    double acceleration_degps2, int line);
 

@@ -68,7 +68,7 @@ Travel travel_of(const AxisLimits& limits) {
 Walk on_table(const Walk& walk, const PlanLimits& limits) {
   Walk fitted;
   fitted.first_rest_samples = walk.first_rest_samples;
-  std::array<Travel, 3> free{};  // what travel and, by the way so far, the cable leave
+  std::array<Travel, 3> free{};  // the range left by the travel and, after the turns so far, by the cable
   const auto stands = [&](Axis axis, double deg) {
     const double wrap_deg = limits[axis].wrap_deg;
     Travel& travel = free[index(axis)];

@@ -1,6 +1,6 @@
-// A walk: a rest, then turns of one axis at a time, each with a rest after it. What `turncal design` changes, and makes a sequence of.
+// A walk: a rest, then turns of one axis at a time, each followed by a rest. `turncal design` varies it and makes a sequence of it.
 //
-// It is a sequence without its steps: angles are turned by, not turned to, and a turn need not have a rest (rest_samples = 0).
+// It is a sequence without steps: angles are relative, and a turn need not have a rest (rest_samples = 0).
 // Units: degrees, deg/s; rests in samples of the unit.
 #pragma once
 
@@ -16,9 +16,9 @@ namespace turncal {
 
 struct Leg {
   Axis axis = Axis::heading;
-  double turn_deg = 0.0;  // with its sign
+  double turn_deg = 0.0;  // signed
   double rate_degps = 0.0;
-  std::int64_t rest_samples = 0;  // after it
+  std::int64_t rest_samples = 0;  // after the turn
 };
 
 struct Walk {
@@ -29,25 +29,25 @@ struct Walk {
 
 struct WalkHeader {
   std::string name;                   // letters, digits, _ - .
-  std::vector<std::string> comments;  // lines above everything, without their #
-  double rate_degps = 10.0;           // of the file: legs at another say so
+  std::vector<std::string> comments;  // lines at the top, without their #
+  double rate_degps = 10.0;           // default of the file; legs with another rate state it
   double acceleration_degps2 = 20.0;
 };
 
-// The sequence file of a walk, in steps of eight legs, so that a log says where a run stands.
+// Returns the sequence file of a walk. Its steps have eight legs each, so that a log shows the progress of a run.
 std::string sequence_text(const Walk& walk, const WalkHeader& header);
 
-// The turns and rests of a sequence; moves to initial positions are turns like the others.
+// Returns the turns and rests of a sequence; moves to initial positions are turns like others.
 Walk walk_of(const Sequence& sequence);
 
-// Where an axis may stand, in whole degrees, and how far it may turn at once: travel and cable. 0: it cannot turn.
+// The range of positions of an axis in whole degrees, and its longest single turn, by travel and cable. 0: it cannot turn.
 struct Travel {
   double low_deg = 0.0, high_deg = 0.0, longest_turn_deg = 0.0;
 };
 Travel travel_of(const AxisLimits& limits);
 
-// As near to a walk as a table comes. It begins in the same pose, or the nearest that the travel allows; a turn that travel or cable forbid goes
-// the other way, or as far as either way allows, or is left out, and its rest with it; none is faster than its axis.
+// Returns the walk nearest to `walk` that a table can do. It begins in the same pose, or the nearest one that the travel allows. A turn that travel
+// or cable forbid is made the other way, or as far as either way allows, or is dropped with its rest. No turn exceeds the rate limit of its axis.
 Walk on_table(const Walk& walk, const PlanLimits& limits);
 
 }  // namespace turncal

@@ -170,7 +170,7 @@ Status ManualTurntable::move_absolute(Axis axis, double position_deg, double rat
   const auto refused = [&](const std::string& what) {
     return device_error(std::string("manual table: ") + to_string(axis) + ": " + what);
   };
-  // Nobody turns by hand at a given rate, but what makes no sense is a mistake all the same.
+  // A manual table has no rate, but invalid numbers are still errors.
   if (!std::isfinite(position_deg))
     return refused("move to " + format_number(position_deg) + " deg: expected an angle");
   if (!(rate_degps > 0.0) || !std::isfinite(rate_degps) || !(acceleration_degps2 > 0.0) ||
@@ -200,7 +200,7 @@ Status ManualTurntable::stop_all() {
   if (rehearsed_) rehearsed_->stop();
   paused_ = false;
   stopped_ = true;
-  return {};  // also when the operator is gone: nothing turns by itself
+  return {};  // even without an operator: nothing turns by itself
 }
 
 Status ManualTurntable::abort_all() {
@@ -227,7 +227,7 @@ Result<AxisStatus> ManualTurntable::status(Axis axis) {
   return report;
 }
 
-// ---- the dialogue: what the operator is asked, and what is made of what was typed ----
+// ---- the dialogue: questions to the operator, and answers ----
 
 namespace {
 
@@ -238,7 +238,7 @@ void replace_all(std::string& text, std::string_view typed, std::string_view mea
   for (std::size_t at; (at = text.find(typed)) != std::string::npos;) text.replace(at, typed.size(), meant);
 }
 
-// As people type it: with a decimal comma, with the degree that the screen shows, or in the width of a Chinese keyboard.
+// Parses a number as people type it: with a decimal comma, with a degree sign as on the screen, or in full-width characters.
 std::optional<double> typed_number(std::string text) {
   constexpr std::pair<std::string_view, std::string_view> spellings[] = {
       {"\uff0c", ","}, {"\uff0e", "."}, {"\u3002", "."}, {"\uff0d", "-"}, {"\u2212", "-"}, {"\uff0b", "+"}};
@@ -292,7 +292,7 @@ void ManualTurntable::begin_question() {
 
 void ManualTurntable::look_at_input() {
   check_answer();
-  // Of a rehearsal nothing is read that could not be taken: it is the answer to a later question.
+  // In a rehearsal a line is read only when it can be handled: otherwise it answers a later question.
   if (rehearsed_) {
     handle_lines();
     if (waits_for_answer() && read_input(true)) handle_lines();
@@ -403,7 +403,7 @@ void ManualTurntable::turn_rehearsed(const std::string& axis_and_angle) {
   rehearsed_->turn(*axis, *angle_deg, queue_.front().rate_degps, queue_.front().acceleration_degps2);
 }
 
-constexpr double farthest_deg = 720.0;  // where somebody says that an axis stands: two turns of a cable
+constexpr double farthest_deg = 720.0;  // limit for the position of an axis: two turns of a cable
 
 void ManualTurntable::handle_angle(const std::string& text, bool turned) {
   const Wanted now = queue_.front();
@@ -425,15 +425,15 @@ void ManualTurntable::handle_angle(const std::string& text, bool turned) {
   check_answer();
 }
 
-// ---- an answer compared with what the unit senses: gravity for the tilt, the gyros for the turn ----
+// ---- check of an answer by the unit: gravity for the tilt, the gyros for the turn ----
 
 namespace {
 
-// The mean of gravity is of one second in halves that are complete: by then all of it is of after the answer.
+// Gravity is the mean of one second, made of complete half seconds: after this time all of it is later than the answer.
 constexpr double gravity_settle_s = 1.6;
 constexpr double gravity_deadline_s = 10.0;
 constexpr double quarter_deg = 90.0;
-constexpr double least_scale_turn_deg = 30.0;  // from which what the gyros feel of a degree is learned
+constexpr double least_scale_turn_deg = 30.0;  // smallest turn from which the gyros' scale is learned
 
 }  // namespace
 
@@ -446,7 +446,7 @@ void ManualTurntable::check_answer() {
   }
   const Wanted now = queue_.front();
   const double angle_deg = answered_->angle_deg;
-  // The tilt follows from both angles; one that is not known yet cannot be checked against.
+  // The tilt depends on both angles, so there is no check while one of them is unknown.
   const Axis other = now.axis == Axis::pitch ? Axis::roll : Axis::pitch;
   const bool tilts = now.axis != Axis::heading && sense_ && hands_[index(other)].known;
   if (!tilts && (now.homing || !felt_deg(now.axis))) return accept(angle_deg);
@@ -457,7 +457,7 @@ void ManualTurntable::check_answer() {
   }
   if (const auto objection = tilts ? gravity_objection(now.axis, angle_deg) : std::nullopt) {
     object(*objection);
-    if (now.homing) {  // which of the two is wrong cannot be told
+    if (now.homing) {  // either of the two may be wrong
       hands_[index(other)] = {};
       queue_.push_front({.axis = other, .homing = true});
       begin_question();
@@ -479,7 +479,7 @@ void ManualTurntable::accept(double angle_deg) {
   const double way_deg = angle_deg - hand.position_deg;
   if (const std::optional<double> felt = felt_deg(now.axis);
       felt && hand.known && now.axis != Axis::heading && sense_ && std::abs(way_deg) >= least_scale_turn_deg)
-    felt_of_a_degree_ = std::clamp(*felt / way_deg, 0.4, 1.7);  // of more no calibration settles
+    felt_of_a_degree_ = std::clamp(*felt / way_deg, 0.4, 1.7);  // no calibration copes with more
   hand.position_deg = angle_deg;
   hand.known = true;
   hand.homed = hand.homed || now.homing;
@@ -496,7 +496,7 @@ std::optional<double> ManualTurntable::felt_deg(Axis axis) const {
   const Hand &pitch = hands_[index(Axis::pitch)], &roll = hands_[index(Axis::roll)];
   if (!felt || (axis != Axis::roll && !roll.known) || (axis == Axis::heading && !pitch.known)) return {};
   const double p = pitch.position_deg * std::numbers::pi / 180.0, r = roll.position_deg * std::numbers::pi / 180.0;
-  // The body axis about which + turns: heading is about -y of the frame n, pitch about z of the middle ring, roll about x.
+  // The body axis of a positive turn: heading is about -y of n, pitch about z of the middle ring, roll about x.
   const std::array<double, 3> about =
       axis == Axis::roll    ? std::array{1.0, 0.0, 0.0}
       : axis == Axis::pitch ? std::array{0.0, std::sin(r), std::cos(r)}
@@ -513,7 +513,7 @@ std::optional<std::string> ManualTurntable::turn_objection(const Wanted& now, do
   const double way_deg = angle_deg - hand.position_deg;
   const double made_deg = *felt / felt_of_a_degree_.value_or(1.0);
   const double sign = way_deg < 0.0 ? -1.0 : 1.0, way = std::abs(way_deg);
-  // What was learned may be of a turn that another axis had a part in: the nominal scale will do, too.
+  // The learned scale may come from a turn in which another axis took part, so the nominal one is accepted, too.
   const bool agrees = felt_of_a_degree_
                           ? std::abs(made_deg - way_deg) <= quarter_deg || std::abs(*felt - way_deg) <= quarter_deg
                           : sign * *felt >= 0.25 * way - 60.0 && sign * *felt <= 2.0 * way + 60.0;
