@@ -50,7 +50,7 @@ struct Sequence {
   std::string name;
   std::string file;
   AxisTriple start_deg;     // position of the table before step 1: its initial position
-  double rate_degps = 0.0;  // the file's defaults: for rotations that name none, for moves to initial positions,
+  double rate_degps = 0.0;  // the file's defaults for rotations without their own, for moves to initial positions,
   double acceleration_degps2 = 0.0;  // and for going to start_deg
   std::vector<Step> steps;
   std::string text;  // the bytes of the file, whose hash goes into records

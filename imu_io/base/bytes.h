@@ -35,7 +35,7 @@ inline void append_text(std::vector<std::byte>& out, std::string_view text) {
   append_bytes(out, text);
 }
 
-// REQUIRES: sizeof(T) bytes at `from`.
+// Reads a number. REQUIRES: sizeof(T) bytes at `from`.
 template <class T>
 requires std::is_arithmetic_v<T> T load_bytes(const std::byte* from) {
   T value;

@@ -20,7 +20,7 @@ class Clock {
   virtual double utc_s() const = 0;
 };
 
-// "2026-01-31T12:00:00Z"
+// Returns "2026-01-31T12:00:00Z".
 std::string format_utc(double utc_s);
 // Parses what format_utc() writes; empty for any other text.
 std::optional<double> parse_utc(const std::string& text);

@@ -27,7 +27,7 @@ std::string quoted_json(std::string_view text) {
       result += "\\ufffd";
     } else if (c == '"' || c == '\\') {
       result += std::string("\\") + c;
-    } else if (static_cast<unsigned char>(c) < 0x20 || c == '<') {  // '<': also safe inside a script of a page
+    } else if (static_cast<unsigned char>(c) < 0x20 || c == '<') {  // '<': safe inside a page's script, too
       result += fmt::format("\\u{:04x}", unsigned(c));
     } else {
       result += text.substr(0, length);

@@ -300,7 +300,7 @@ LockFile::~LockFile() {
   if (file_.is_open()) ::unlink(file_.path().c_str());  // before the lock is released
 }
 
-// ---- whole or not there ----
+// ---- atomic writes ----
 
 namespace {
 constexpr std::size_t buffer_bytes = std::size_t{1} << 20;

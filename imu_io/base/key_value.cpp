@@ -257,7 +257,7 @@ std::vector<std::string> KeyValueFile::list(std::string_view key) {
   return {};
 }
 
-// ---- the keys as a table, and where their lines come from ----
+// ---- key tables and line sources ----
 
 std::size_t KeyTable::place_of(const std::string& key, std::size_t place,
                                std::initializer_list<std::string_view> names) {

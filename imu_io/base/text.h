@@ -67,7 +67,7 @@ std::optional<T> parse_whole(std::string_view token) {
   return parse_integer<T>(hex ? token.substr(2) : token, hex ? 16 : 10);
 }
 
-// ---- pieces ----
+// ---- pieces of text ----
 
 // Removes blanks and tabs at both ends.
 std::string_view trimmed(std::string_view text);

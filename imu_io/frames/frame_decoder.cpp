@@ -147,7 +147,7 @@ bool FrameScanner::next(ScannedFrame& frame) {
 namespace {
 
 constexpr int strays_for_restart = 3;
-// After a silence.
+// Limits for the samples after a silence.
 constexpr double off_time_s = 0.05;     // a longer delay is not explained by adapters and a busy host
 constexpr double pace_window_s = 0.25;  // equal delays in two such windows mean that samples come at the unit's pace
 constexpr double catching_up = 0.02;    // a line that catches up makes up at least this fraction of the time
@@ -446,7 +446,7 @@ ImuLinkCounters FrameDecoder::counters() const {
   return result;
 }
 
-// ---- after a silence that the counter alone cannot explain: samples are held until their arrival tells ----
+// ---- after a silence that the counter alone cannot explain: samples are held until their arrival decides ----
 
 // True if, by the counter alone, the sample is much older than its arrival.
 bool FrameDecoder::is_unsure(const PlacedCounter& placed) const {

@@ -60,7 +60,7 @@ class FrameScanner {
  public:
   explicit FrameScanner(const FrameDescription& frame);
 
-  // The space for new bytes, and how many were put there. It is empty only until next() has returned false.
+  // The space for new bytes, and how many were put there. It is never empty after next() has returned false.
   std::span<std::byte> space();
   void added(std::size_t count);
   // Returns false when it needs more bytes.

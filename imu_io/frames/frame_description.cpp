@@ -294,7 +294,7 @@ FrameCheck read_check(KeyValueFile& file) {
   return check;
 }
 
-// ---- what a description must be beyond what each of its keys is checked for ----
+// ---- checks of a description beyond those of each key ----
 
 // The sensor triads that a variant has.
 struct Triad {
@@ -488,7 +488,7 @@ void check_variant(KeyValueFile& file, const FrameDescription& frame, const Fram
   }
 }
 
-// ---- the whole ----
+// ---- the whole description ----
 
 void read_request(KeyValueFile& file, FrameDescription& frame) {
   frame.request = read_bytes(file, "request");

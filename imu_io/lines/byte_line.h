@@ -63,7 +63,7 @@ class ByteLine {
 // Returns the name of a line for messages: "/dev/ttyUSB0 115200 8N1", "tcp:192.168.1.5:4001".
 std::string describe_line(const SerialSettings& settings);
 
-// ---- what all lines share ----
+// ---- common to all lines ----
 
 // Returns the error "DEVICE: WHAT: reason".
 Error line_error(const std::string& device, const std::string& what, int number);

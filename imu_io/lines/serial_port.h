@@ -32,7 +32,7 @@ struct SerialSettings {
   int stop_bits = 1;  // 1 or 2
 };
 
-// "/dev/ttyUSB0 115200 8N1"
+// Returns "/dev/ttyUSB0 115200 8N1".
 std::string describe(const SerialSettings& settings);
 
 // Error counts of the port's driver since it was loaded.

@@ -340,7 +340,7 @@ Status check_applicable(const ParameterFile& file, const std::string& file_name,
   return {};
 }
 
-// ---- in other forms ----
+// ---- other forms ----
 
 std::string format_parameter_block(const ParameterFile& file) {
   std::vector<std::byte> out;

@@ -623,7 +623,7 @@ Result<std::vector<std::string>> files_of(const std::string& path) {
   return files;
 }
 
-// ---- written ----
+// ---- writing ----
 
 using Bytes = std::vector<std::byte>;
 

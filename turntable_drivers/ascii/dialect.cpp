@@ -514,7 +514,7 @@ Status check_move(const Dialect& dialect, Axis axis, const Moves& moves, double 
   return {};
 }
 
-// ---- what a dialect makes of each operation, sentence by sentence ----
+// ---- explain(): each operation, sentence by sentence ----
 
 namespace {
 

@@ -395,7 +395,7 @@ Status check_move(const RegisterMap& map, Axis axis, const Moves& moves) {
   return {};
 }
 
-// ---- what a map makes of each operation, request by request ----
+// ---- explain(): each operation, request by request ----
 
 namespace {
 

@@ -39,7 +39,7 @@ DescribedTurntable::DescribedTurntable(const TableDescription& description, cons
       codec_(std::move(codec)),
       line_(link, stop_) {}
 
-// ---- what is said ----
+// ---- messages ----
 
 Error DescribedTurntable::table_error(const std::string& what) const {
   return device_error("table " + table_.name + ": " + what);
@@ -57,7 +57,7 @@ Error DescribedTurntable::about(const TableRequest& request, const Error& error)
   return {error.kind, codec_->message(request, axis_error(request.axis, "").message, error.message)};
 }
 
-// ---- what is allowed ----
+// ---- what is permitted ----
 
 Status DescribedTurntable::connected() const {
   if (!connected_) return table_error("not connected");
