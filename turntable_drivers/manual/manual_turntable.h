@@ -16,7 +16,7 @@
 //   something, and by status() while something is asked. A dwell, which needs nobody, is thus completed first. `abort` is an
 //   error of kind aborted, returned by every call. All of this is safe, because nothing moves by itself. After stop_all() status()
 //   answers again, so that the stop can be verified.
-// - Several moves may be commanded at once; the operator is asked for one after another.
+// - Several moves may be commanded at once; the operator is asked for them one after another.
 // - After a stop during a turn the angle is unknown: the axis is not in position until another move is answered.
 //
 // The expected specific force in body axes at rest, from C_nb = Ry(-H) Rz(P) Rx(R) and f_n = (0, g, 0):
@@ -141,7 +141,7 @@ class ManualTurntable : public Turntable {
     reason_told_ = false;
   }
   bool paused() const { return paused_; }
-  bool rehearsed() const { return rehearsed_.has_value(); }  // nobody is held up by real time
+  bool rehearsed() const { return rehearsed_.has_value(); }  // its time is simulated
 
   // Returns the present task. watch() sets `changed`, called for every new task and typed line. lines: tasks are also printed.
   OperatorTask task() const;
