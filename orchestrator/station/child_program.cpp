@@ -25,7 +25,7 @@ namespace {
 
 Error failed(const std::string& what, int error) { return {ErrorKind::internal, what + ": " + std::strerror(error)}; }
 
-// In memory, at its beginning: nobody waits for who does not read.
+// Returns a file in memory, positioned at its start. Unlike a pipe it never blocks a writer whose reader does not read.
 Result<Descriptor> file_with(std::string_view text) {
   Descriptor file(::memfd_create("child", MFD_CLOEXEC));
   while (file >= 0 && !text.empty()) {
@@ -39,7 +39,7 @@ Result<Descriptor> file_with(std::string_view text) {
     return failed("cannot make a file in memory", errno);
   return file;
 }
-Result<std::string> text_in(const Descriptor& file) {  // from its beginning, wherever the child has come to
+Result<std::string> text_in(const Descriptor& file) {  // from its start, wherever the child's position is
   if (file < 0) return std::string();
   return read_whole_file("/proc/self/fd/" + std::to_string(file), std::string::npos);
 }
@@ -55,7 +55,7 @@ std::vector<char*> pointers_to(std::vector<std::string>& texts) {
   return pointers;
 }
 
-// A group of its own, that is killed whole; what a run ignores is its own affair. An error number, or 0.
+// Starts the program in a process group of its own, with default signal handling, so that it is killed as a whole. Returns an error number, or 0.
 int spawn(const ChildProgram& program, const std::array<const Descriptor*, 3>& files, pid_t& pid) {
   std::vector<std::string> words = program.words, environment = program.environment;
   for (char** entry = environ; *entry != nullptr; ++entry)
@@ -161,7 +161,7 @@ Status run_hook(const HookCommands& commands, const HookCall& call, double time_
 Status run_command(const std::string& name, const std::string& command, const HookCall& call, double time_s,
                    const std::function<bool()>& give_up) {
   if (command.empty()) return {};
-  constexpr std::size_t most_printed = std::size_t{1} << 20U;  // of one that is given an input: nobody reads along
+  constexpr std::size_t most_printed = std::size_t{1} << 20U;  // with an input of its own nobody reads along
   const auto failed = [&name](const std::string& what) { return device_error(name + ": " + what); };
   ChildProgram child{
       .words = {"/bin/sh", "-c", command},

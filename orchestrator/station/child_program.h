@@ -1,5 +1,5 @@
-// Another program as a child: it reads a text or what this program reads, what it prints is kept or goes where this program's output goes,
-// and it is killed, with its own children, at its deadline or when it prints too much.
+// Runs another program as a child. Its input is a text or this program's own; its output is kept or goes where this program's goes.
+// The child and its own children are killed at the deadline, or when they print too much.
 #pragma once
 
 #include <cstddef>
@@ -15,12 +15,12 @@
 namespace turncal {
 
 struct ChildProgram {
-  std::vector<std::string> words;              // its name, looked up in PATH when it has no slash, and its arguments
-  std::string package;                         // of Debian, that has it
-  std::vector<std::string> environment;        // KEY=value, in place of
-  std::string replaced;                        // what begins like this in this program's environment
-  std::optional<std::string_view> input = {};  // empty: this program's own
-  std::size_t most_printed = 0;  // bytes of its output, and of its errors, which are kept; 0: both are this program's
+  std::vector<std::string> words;              // program, looked up in PATH when it has no slash, and its arguments
+  std::string package;                         // Debian package that provides it
+  std::vector<std::string> environment;        // KEY=value, set in place of `replaced`
+  std::string replaced;                        // variables of this program that begin like this are not passed on
+  std::optional<std::string_view> input = {};  // standard input; empty: this program's own
+  std::size_t most_printed = 0;  // bytes of output, and of errors, that are kept; 0: both go to this program's own
   double time_s = 15.0;
   std::function<bool()> give_up = {};  // asked while it runs: true kills it
 };
@@ -30,30 +30,30 @@ struct ChildEnd {
   int code = 0, signal = 0;
   std::string output, errors;
   bool good() const { return killed.empty() && code == 0 && signal == 0; }
-  std::string message() const;  // ": " and the first line of its errors; empty: there is none
+  std::string message() const;  // ": " and the first line of standard error; empty when there is none
 };
 
-// An error of kind internal where it could not be started.
+// Runs the program to its end. An error of kind internal when it could not be started.
 Result<ChildEnd> run_child(const ChildProgram& program);
 
-// A program as a filter, in the C locale: what it makes of the input. An error of kind internal, one line, where it is not there, took too
-// long, ended with an error (its first line is quoted) or printed more than 64 MiB.
+// Runs a program as a filter, in the C locale, and returns what it prints for the input. An error of kind internal, one line, when it is not
+// installed, took too long, ended with an error (its first line is quoted) or printed more than 64 MiB.
 Result<ChildEnd> pipe_through(const std::string& package, std::vector<std::string> words, std::string_view input,
                               double time_s = 15.0);
 
 // ---- commands of the station ----
 
-// Commands of the station, run when a unit is done, has failed its limits, or an operator is needed. /bin/sh gets them, and what happened:
+// Commands of the station, run when a unit is done, has failed its limits, or needs an operator. /bin/sh runs them; the environment tells:
 //
 //   TURNCAL_EVENT (done, fail, needs_operator, mount, switch_on)  TURNCAL_UNIT  TURNCAL_FOLDER  TURNCAL_MESSAGE  TURNCAL_DRY_RUN (true, false)
 //   TURNCAL_OUTCOME: the unit's outcome in one word (pass, hold, fail, dropped ...; empty: it has none)
 //
-// A hook runs when the table stands and the results are durable, and has hook_time_s; then it and its children are killed.
-// What a hook does or fails to do changes nothing of the run; but without a mount that succeeds none begins.
+// A hook runs when the table is at rest and the results are durable. After hook_time_s it is killed, with its children.
+// A hook that fails does not change the run, with one exception: no run begins unless its mount hook succeeds.
 
 struct HookCommands {  // empty: none
   std::string done, fail, needs_operator;
-  std::string mount;  // before a unit of a batch (mount_unit)
+  std::string mount;  // before each unit of a batch (mount_unit)
   double mount_time_s = 3600.0;
   std::string switch_on;  // switches the unit off and on, between legs of a campaign
 };
@@ -69,19 +69,19 @@ struct HookCall {
   std::string event, unit, folder, message;
   std::string outcome = {};
   bool dry_run = false;
-  std::string input = {};  // what it reads on standard input; empty: the program's own
+  std::string input = {};  // standard input of the hook; empty: this program's own
 };
 
 inline constexpr double hook_time_s = 60.0;
 
-// Of a finished run: done on success, fail when the unit failed, otherwise needs_operator (also of a unit that nobody judged: run_job.cpp).
+// Returns the call for a finished run: done on success, fail when the unit failed, otherwise needs_operator (also without a verdict: run_job.cpp).
 HookCall call_for(const Status& outcome);
 
-// An error when it could not be run, did not end in time, or ended with another code than 0. An empty command is fine.
-// `give_up` is asked while it runs: true kills it.
+// Runs the hook of the call's event; an empty command succeeds. An error when it cannot be run, exceeds its time or ends with a code other than 0.
+// `give_up` is polled while it runs; true kills it.
 Status run_hook(const HookCommands& commands, const HookCall& call, double time_s = hook_time_s,
                 const std::function<bool()>& give_up = {});
-// The same of a command that is no station's; `name` is its key.
+// Runs a command that is not a hook of a station in the same way; `name` is its key in messages.
 Status run_command(const std::string& name, const std::string& command, const HookCall& call, double time_s,
                    const std::function<bool()>& give_up);
 

@@ -124,7 +124,7 @@ void set_texts(const KeyTexts& texts, const Fields& fields) {
 void read_fields(KeyValueFile& file, const Fields& fields) {
   for (const Field& field : fields) {
     const bool is_text = std::holds_alternative<std::string*>(field.value);
-    if (!file.has(field.key)) {  // it says what is missing
+    if (!file.has(field.key)) {  // file.text and file.number report what is missing
       if (field.optional) continue;
       is_text ? static_cast<void>(file.text(field.key)) : static_cast<void>(file.number(field.key, field.range));
       continue;

@@ -111,7 +111,7 @@ Glyph first_glyph(std::string_view text) {
   return {bytes, two ? std::size_t{2} : std::size_t{1}};
 }
 
-// Bytes of the longest beginning that takes at most so many columns. breaks: it ends at a blank or behind a wide character, if it can.
+// Returns the bytes of the longest prefix that takes at most `columns`. breaks: it ends at a blank or after a wide character, if possible.
 std::size_t beginning(std::string_view text, std::size_t columns, bool breaks) {
   std::size_t at = 0, good = 0;
   for (std::size_t used = 0; at < text.size();) {

@@ -29,7 +29,7 @@ bool names_a_database(const std::string& path) {
 Status check_database_name(const std::string& database) {
   if (!names_a_server(database)) return {};
   const std::string address = database.substr(database.find("//") + 2);
-  // Whatever stands before the last @ is user and password, even where a slash in it was not written as %2F.
+  // User and password end at the last @, even when a slash in them was not written as %2F.
   const std::string user = address.substr(0, address.rfind('@') == std::string::npos ? 0 : address.rfind('@'));
   if (user.find(':') == std::string::npos && address.find("password=") == std::string::npos) return {};
   return input_error(
@@ -39,19 +39,19 @@ Status check_database_name(const std::string& database) {
 
 namespace {
 
-constexpr double longest_time_s = 3600.0;  // of any time in the file; more is a typing mistake
+constexpr double longest_time_s = 3600.0;  // for any time in the file; more is a typing mistake
 constexpr std::size_t most_imu_places = 16;
 constexpr NumberRange some_time{0.001, longest_time_s};
 constexpr NumberRange time_or_zero = zero_or(some_time.min, some_time.max);
 constexpr NumberRange angle{-3600.0, 3600.0};
-// Wide, and yet no table or unit is beyond them.
+// Wide limits that no real table or unit exceeds.
 constexpr NumberRange some_rate{0.001, 1e4};
 constexpr NumberRange some_acceleration{0.001, 1e6};
 constexpr NumberRange winding = zero_or(1.0, 1e6);
-constexpr NumberRange fine{1e-6, 1.0};  // deg or deg/s: below it no encoder shows anything
+constexpr NumberRange fine{1e-6, 1.0};  // deg or deg/s; no encoder resolves less
 constexpr NumberRange stillness{1e-9, 100.0};
 
-// device: "table" or "chamber"; `described`: the key of the file that its address is from, unless DEVICE.address says it.
+// Rejects an address that does not fit the link of `device` ("table" or "chamber"). `described`: the key to name when DEVICE.address is not given.
 void check_address(KeyValueFile& file, const std::string& device, const std::string& described,
                    const TableLinkSettings& link) {
   if (link.tcp ? parse_line("tcp:" + link.address).has_value() : link.address.starts_with('/')) return;
@@ -60,7 +60,7 @@ void check_address(KeyValueFile& file, const std::string& device, const std::str
                   ", not at " + link.address);
 }
 
-// Defects of a map or dialect come with their own file and line; those of this file stay with it, as with all its keys.
+// Reads the table's keys. Errors in a map or dialect name that file and its line; errors in this file are kept by `file`.
 Status read_table(KeyValueFile& file, TableConfig& table) {
   const std::string driver = file.one_of("table.driver", {"mock", "modbus", "serial", "manual"});
   KeyTable keys(file);
@@ -97,7 +97,7 @@ Status read_table(KeyValueFile& file, TableConfig& table) {
 }
 
 Status read_chamber_keys(KeyValueFile& file, StationConfig& station) {
-  if (!file.has("chamber.file")) return {};  // other keys of it are unknown ones then
+  if (!file.has("chamber.file")) return {};  // any other chamber key is then an unknown key
   ChamberConfig& chamber = station.chamber.emplace();
   const std::string path = file.text("chamber.file");
   if (path.empty()) return {};
@@ -154,8 +154,8 @@ void read_dwell(KeyTable& keys, DwellConfig& dwell) {
   keys.number("dwell.max_accel_peak_mps2", dwell.max_accel_peak_mps2, stillness);
 }
 
-// Two keys that cannot both be meant. One may stand at its default, so the line names the one that is in the file and
-// shows the other's value.
+// Rejects two keys that contradict each other. Either may be at its default: the message names the one that is in the file and shows
+// the other's value.
 void contradiction(KeyValueFile& file, const std::string& key, double value, const std::string& relation,
                    const std::string& other_key, double other_value) {
   const std::string suffix = file.has(other_key) ? "" : ", its default";
@@ -181,7 +181,7 @@ void reject_contradictions(KeyValueFile& file, const StationConfig& station) {
   const MotionConfig& motion = station.motion;
   require(motion.poll_moving_s <= motion.poll_idle_s, "motion.poll_moving_s", motion.poll_moving_s, "not above",
           "motion.poll_idle_s", motion.poll_idle_s);
-  // Progress can only be seen between two polls.
+  // Progress shows only between two polls.
   require(motion.stall_s >= 2.0 * motion.poll_moving_s, "motion.stall_s", motion.stall_s, "at least twice",
           "motion.poll_moving_s", motion.poll_moving_s);
   // The settling happens inside the margin.
@@ -194,7 +194,7 @@ void reject_contradictions(KeyValueFile& file, const StationConfig& station) {
           "not below", "dwell.max_accel_std_mps2", dwell.max_accel_std_mps2);
 }
 
-// What the table's own file and the station's disagree about.
+// Rejects contradictions between the table's own file and the station's.
 void reject_table_contradictions(KeyValueFile& file, const StationConfig& station) {
   const TableConfig& table = station.table;
   const TableDescription* const described = table.described();
@@ -213,18 +213,18 @@ void reject_table_contradictions(KeyValueFile& file, const StationConfig& statio
                       key + " (" + format_number(limit.max_rate_degps) + ", its default)");
     }
   }
-  // What the operator may type has to count as arrived.
+  // Any position that the operator may enter has to count as arrived.
   if (table.driver == TableDriver::manual && station.motion.position_tolerance_deg < table.manual.tolerance_deg)
     contradiction(file, "motion.position_tolerance_deg", station.motion.position_tolerance_deg, "not below",
                   "table.tolerance_deg", table.manual.tolerance_deg);
-  // Heartbeats go out with the polls: the drive would stop in the first dwell.
+  // Heartbeats go out with the polls; with slower polls the drive would stop in the first dwell.
   if (table.map && table.map->heartbeat_address && 2.0 * station.motion.poll_idle_s > table.map->watchdog_s)
     file.reject(file.has("motion.poll_idle_s") ? "motion.poll_idle_s" : "table.map",
                 "motion.poll_idle_s (" + format_number(station.motion.poll_idle_s) +
                     ") at most half of heartbeat.watchdog_s of the map (" + format_number(table.map->watchdog_s) + ")");
 }
 
-// Time that runs faster is for twins only, and for all of the station alike.
+// Only twins may run faster than real time, and all of a station at the same speed.
 void reject_clock_contradictions(KeyValueFile& file, StationConfig& station) {
   const bool twins = station.table.simulated && station.imu && station.imu->settings.simulated;
   if (station.clock_speed_up != 1.0 && !twins)
@@ -238,7 +238,7 @@ void reject_clock_contradictions(KeyValueFile& file, StationConfig& station) {
   station.imu->settings.speedup = station.clock_speed_up;
 }
 
-// imu.2.device, imu.3.device, ...: contiguous, every line once.
+// Reads imu.2.device, imu.3.device, ...: contiguous, and every line only once.
 void read_further_places(KeyValueFile& file, StationConfig& station) {
   const auto key = [](std::size_t place) { return "imu." + std::to_string(place) + ".device"; };
   std::vector<std::string> taken = {station.imu->settings.device};
@@ -316,7 +316,7 @@ Result<StationConfig> station_from(KeyValueFile& file) {
     file.reject("record.outbox", "with a server only: record.database = postgresql://USER@HOST/NAME");
   }
   station.store = path_of("record.store");
-  // An unknown key first: a misspelt one would show up as a contradiction with a default.
+  // Unknown keys are reported first: a misspelt key would otherwise show up as a contradiction with a default.
   TRY(file.check_all_used());
   reject_contradictions(file, station);
   reject_table_contradictions(file, station);
@@ -347,7 +347,7 @@ StationConfig default_station_config() {
   station.latitude_deg = 29.53;
   station.gravity_mps2 = 9.7914;
   station.motion.settle_s = 0.5;
-  // Of its gyros (0.002 deg/sqrt(h)): 3 sigma of an alignment of 300 s, 0.034 deg. The default is the paper's claim, of better ones.
+  // 3 sigma of a 300 s alignment with the rig's gyros (0.002 deg/sqrt(h)) is 0.034 deg. The default is the paper's, for better gyros.
   station.limits.heading_deg = 0.1;
   return station;
 }

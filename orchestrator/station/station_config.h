@@ -1,8 +1,8 @@
 // The station: site, table, IMU and the numbers that judge motion and dwells. Read from a text file
 // (orchestrator/stations/mock.station shows every key); the built-in rig station needs no file.
 //
-// Units as the suffix says: degrees, deg/s, deg/s^2, seconds, m/s^2. Every value has a default except format, those of the site and the two
-// drivers. An unknown key, a value out of range and options that contradict each other are errors of one line that name file, line and key.
+// Units as the suffix says: degrees, deg/s, deg/s^2, seconds, m/s^2. Every value has a default except the format, the site and the two
+// drivers. An unknown key, a value out of range or a contradiction is an error of one line that names file, line and key.
 #pragma once
 
 #include <array>
@@ -25,11 +25,11 @@ namespace turncal {
 
 // A results database: the path of a file, or postgresql://USER@HOST:PORT/NAME for a server (docs/fleet.md).
 bool names_a_server(const std::string& database);
-// A server's name, or the path of an SQLite file that is there.
+// Returns whether `path` names a server or an existing SQLite file.
 bool names_a_database(const std::string& path);
 
-// An input error, which does not repeat it, when a password is in the name of a server: it would be seen in files and by whoever lists
-// the processes.
+// Returns an input error when the name of a server contains a password: files and the list of processes would show it. The message does
+// not repeat it.
 Status check_database_name(const std::string& database);
 
 enum class TableDriver {
@@ -39,7 +39,7 @@ enum class TableDriver {
   manual   // turned by hand
 };
 
-// When a move has arrived, when it is late, and how often the table is asked.
+// Decides when a move has arrived, when it is late, and how often the table is polled.
 struct MotionConfig {
   double position_tolerance_deg = 0.01;  // abs(position - target)
   double settle_rate_degps = 0.01;       // abs(rate) below this for settle_s
@@ -50,12 +50,11 @@ struct MotionConfig {
   double deadline_margin_s = 10.0;  // deadline = angle/rate + 2 rate/acceleration + margin
 };
 
-// When a dwell counts. Stillness is judged on the means of the IMU's own rates and accelerations over consecutive
-// windows of stillness_window_s: their standard deviation over the dwell, and the largest distance of one from the
-// dwell's mean.
-// (Means, since one pulse of a laser gyro in one 5 ms sample is already 0.05 deg/s.)
+// Decides whether a dwell counts. Stillness is judged on the means of the IMU's own rates and specific forces over consecutive windows of
+// stillness_window_s: their standard deviation over the dwell, and the largest deviation of one from the dwell's mean.
+// (Means, because one pulse of a laser gyro in one 5 ms sample already amounts to 0.05 deg/s.)
 struct DwellConfig {
-  int max_repeats = 2;  // of one dwell, after the first attempt
+  int max_repeats = 2;  // of one dwell, not counting the first attempt
   double stillness_window_s = 1.0;
   double max_gyro_std_degps = 0.002;
   double max_gyro_peak_degps = 0.01;
@@ -66,16 +65,16 @@ struct DwellConfig {
 // Minutes that a run may add to tell confounded effects apart (docs/sequences.md).
 inline constexpr NumberRange settling_minutes = zero_or(1.0, 60.0);
 
-// How the station reaches its table; orchestrator/devices/live_devices.h makes it. table.simulated says that a twin answers: recordings are
-// marked and never make a production file.
+// How the station reaches its table; orchestrator/devices/live_devices.h creates it. table.simulated: a twin answers, recordings are marked,
+// and no production file is made from them.
 struct TableConfig {
   TableDriver driver = TableDriver::mock;
-  std::optional<RegisterMap> map;  // modbus; its link.address is table.address where that is given
-  std::optional<Dialect> dialect;  // serial; the same
+  std::optional<RegisterMap> map;  // modbus; table.address, where given, replaces its link.address
+  std::optional<Dialect> dialect;  // serial; likewise
   ManualSettings manual;
   bool simulated = false;
 
-  // What its map or dialect says, and its line; null: it has neither.
+  // The description of the table and its link, from its map or dialect; null when it has neither.
   const TableDescription* described() const {
     return map ? static_cast<const TableDescription*>(&*map) : dialect ? &*dialect : nullptr;
   }
@@ -84,17 +83,17 @@ struct TableConfig {
   }
 };
 
-// A temperature chamber about the unit: docs/thermal.md.
+// The temperature chamber around the unit: docs/thermal.md.
 struct ChamberConfig {
-  ChamberDescription described;         // chamber.file, reached at chamber.address where that is given
-  std::optional<double> temperature_c;  // of a run; empty: it leaves the chamber alone
-  double limit_unit_c = 0.0;            // the unit warmer than that, by its own thermometer: heaters off
-  double band_c = 0.5;                  // about the set point
-  double settle_s = 1800.0;             // within the band for so long: settled
-  double settle_limit_s = 14400.0;      // not settled after so long: a fault
+  ChamberDescription described;         // chamber.file; chamber.address, where given, replaces its address
+  std::optional<double> temperature_c;  // set point of a run; empty: the run leaves the chamber alone
+  double limit_unit_c = 0.0;            // heaters go off when the unit's own thermometer reads more
+  double band_c = 0.5;                  // half-width, about the set point
+  double settle_s = 1800.0;             // time within the band until it counts as settled
+  double settle_limit_s = 14400.0;      // a fault when it has not settled by then
 };
 
-// Who calibrates, for whom, and how well the site is known: for the certificate alone (docs/report.md). Empty: not given.
+// Who calibrates, for whom, and how well the site is known; used by the certificate alone (docs/report.md). Empty: not given.
 struct Parties {
   std::string laboratory_name, laboratory_address, laboratory_accreditation, laboratory_signatory;
   std::string customer_name, customer_address, customer_order;
@@ -108,54 +107,54 @@ struct StationConfig {
   double gravity_mps2 = 0.0;
   TableConfig table;
   std::optional<ChamberConfig> chamber;
-  // imu.driver = serial: units on serial lines, this one at the first place; rig: empty, the rig's own, coupled to its table, for dry runs only.
+  // imu.driver = serial: units on serial lines, of which this is the first. imu.driver = rig: empty; the rig's own unit, for dry runs only.
   std::optional<SerialImuConfig> imu;
-  std::vector<std::string> further_imu_devices;  // the lines of the places 2, 3, ...: same frame, same settings
-  double clock_speed_up = 1.0;       // seconds of the station a second of the wall clock; 1 unless twins answer
-  std::array<AxisLimits, 3> axis{};  // indexed by Axis
+  std::vector<std::string> further_imu_devices;  // lines of the places 2, 3, ... with the same frame and settings
+  double clock_speed_up = 1.0;                   // station seconds per second of wall clock; 1 unless twins answer
+  std::array<AxisLimits, 3> axis{};              // indexed by Axis
   MotionConfig motion;
   DwellConfig dwell;
   double imu_timeout_s = 2.0;    // no sample for this long: the link is lost
-  double resume_rest_s = 600.0;  // after an interruption, before the first dwell: unit and table come to temperature
+  double resume_rest_s = 600.0;  // after an interruption, before the first dwell, to warm up
   HookCommands hooks;
   VerdictLimits limits;
-  StopSigmas stop_sigma{};      // when a run that may end early knows enough
-  double settle_minutes = 0.0;  // that a run may add to tell apart what its diagnosis cannot; 0: none
+  StopSigmas stop_sigma{};      // when a run may end early
+  double settle_minutes = 0.0;  // that a run may add to separate confounded effects; 0: none
   DiagnosisPolicy diagnosis;
-  bool verify_run = false;  // every calibration is followed by a north seeking (docs/verification.md)
+  bool verify_run = false;  // a north seeking follows every calibration (docs/verification.md)
   Parties parties;
   std::string table_id;  // for the record; empty: not given
   std::string
       table_calibration_due;  // "2026-12-31"; a run after that day is refused unless overridden; empty: not given
-  std::string database;  // results (results_database.h); empty: none; a file is relative to the station file's folder
-  std::string outbox;    // where the database is a server: the file that keeps rows until it has them
-  std::string store;     // parameter files in use (parameter_store.h); the same
-  std::string rig_file;  // empty: the built-in rig configuration; relative to the station file's folder
+  std::string database;       // results database; empty: none; a file is relative to the station file's folder
+  std::string outbox;         // for a server: the file that keeps rows until the server has them
+  std::string store;          // parameter files in use (parameter_store.h); path as above
+  std::string rig_file;       // empty: the built-in rig configuration; relative to the station file's folder
   std::size_t imu_places() const { return imu ? 1 + further_imu_devices.size() : 0; }
   SerialImuSettings imu_settings(std::size_t place) const;  // from 0; only the first unit may have imu.unit_serial
-  // Of a live run: a twin answers, at one end at least.
+  // Returns whether a twin stands in for the table or the unit of a live run.
   bool simulated() const { return table.simulated || (imu && imu->settings.simulated); }
 };
 
 // The built-in station of a dry run: 29.53 deg, 9.7914 m/s^2, mock table and rig IMU, settle_s 0.5, limit.heading_deg 0.1.
 StationConfig default_station_config();
 
-// An error unless the chamber may be brought there, and the unit with it.
+// Returns an error unless the limits of chamber and unit allow that temperature.
 Status check_temperature(const ChamberConfig& chamber, double temperature_c);
 
 Result<StationConfig> read_station_config(const std::string& path);  // empty: the built-in one
 Result<StationConfig> parse_station_config(const std::string& text, const std::string& file_name);
 
-// What the planner needs of a station.
+// Returns what the planner needs to know of a station.
 PlanLimits plan_limits(const StationConfig& station, double sample_period_s);
 
-// The fourteen steps and the north seeking, compiled into the program, so that it runs wherever it is copied to. The texts are those
-// of sequences/fourteen_step.seq and sequences/verify.seq at build time.
+// The fourteen steps and the north seeking, compiled in so that the program runs wherever it is copied. The texts are those of
+// sequences/fourteen_step.seq and sequences/verify.seq at build time.
 extern const std::string_view builtin_sequence_text;
 inline constexpr const char* builtin_sequence_name = "built-in fourteen_step.seq";
 
 extern const std::string_view builtin_verify_text;
-// Given for a file it means that text; in a journal, too.
+// In place of a file name, on the command line or in a journal, these names mean the built-in texts.
 inline constexpr const char* builtin_verify_name = "built-in verify.seq";
 
 }  // namespace turncal

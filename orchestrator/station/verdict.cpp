@@ -14,7 +14,7 @@ namespace {
 
 constexpr double infinite = std::numeric_limits<double>::infinity();
 
-// Distance to the nearer limit, negative outside.
+// Returns the distance to the nearer limit, negative outside.
 double margin_to(const Limit& limit, double value) {
   return std::min(limit.min ? value - *limit.min : infinite, limit.max ? *limit.max - value : infinite);
 }
@@ -30,7 +30,7 @@ void judge_into(VerdictReport& report, std::string key, std::optional<double> va
   report.values.push_back(std::move(judged));
 }
 
-// "a", "a (and 2 more)"; there is one.
+// Returns "a" or "a (and 2 more)". REQUIRES lines >= 1.
 std::string and_more(const std::string& line, std::size_t lines) {
   return lines > 1 ? line + " (and " + std::to_string(lines - 1) + " more)" : line;
 }
@@ -57,7 +57,7 @@ bool read_judgement(const std::string& text, JudgedValue& judged) {
   return judgement_text(judged) == text;
 }
 
-// The sigma at which the guard band ends at the nearer limit.
+// Returns the sigma at which the guard band ends at the nearer limit.
 double clear_of(const Limit& limit, double guard_factor, double value) {
   if (!limit.min && !limit.max) return infinite;
   const double margin = margin_to(limit, value);
@@ -215,7 +215,7 @@ Result<VerdictReport> judge_again(const ParameterFile& file, const std::array<do
     if (!judged)
       return input_error("key 'verdict." + key + "' = " + turncal::quoted(text) +
                          ": expected a verdict, its limits and its guard band");
-    // What was judged of sigmas and beside the parameters stands as it is.
+    // Judgements of sigmas, and of values other than parameters, are kept as they are.
     if (key == "residual") judged->value = residual_of(file);
     if (key.starts_with("sigma.") && place(key.substr(6)) < parameter_count)
       judged->value = file.sigma[place(key.substr(6))];

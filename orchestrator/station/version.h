@@ -1,4 +1,4 @@
-// The version of this program, as it stands in every file it writes.
+// Returns the version of this program, which stands in every file it writes.
 #pragma once
 
 namespace turncal {
