@@ -1,10 +1,10 @@
-// Writes and displays of a run go through a queue, so that the loop that watches the table never waits for a disk or a terminal.
+// A queue for the writes and displays of a run, so that the loop that watches the table never waits for a disk or a terminal.
 //
-// A queue of bounded length between one thread that posts (the loop) and one of its own that does the jobs in their order. The loop takes
-// no lock and makes no call that can block: it posts, goes on watching, and asks whether a job is done. A queue that is full, or a job that
-// takes longer than the limit, is judged by the loop (StationRun: storage_failed, the table is stopped first).
+// The queue is bounded. One thread (the loop) posts; a thread of the queue does the jobs in order. The loop takes no lock and makes no call
+// that can block: it posts, keeps watching, and asks whether a job is done. The loop itself judges a queue that is full or a job that takes
+// longer than the limit (StationRun: storage_failed, the table is stopped first).
 //
-// By::caller does every job within post(): for simulated time, which stands still meanwhile, so that runs are reproducible. Then the caller
+// By::caller does every job within post(): in simulated time, which stands still meanwhile, so that runs are reproducible. The caller then
 // has to check whether it is stuck.
 #pragma once
 
@@ -23,7 +23,7 @@
 
 namespace turncal {
 
-// Signals are the loop's, or the command's: one that arrives ends its waits.
+// Starts a thread that takes no signals. They go to the loop or the command, and end its waits.
 std::jthread start_without_signals(std::function<void()> work);
 
 class BackgroundQueue {
@@ -37,16 +37,16 @@ class BackgroundQueue {
   BackgroundQueue(const BackgroundQueue&) = delete;
   BackgroundQueue& operator=(const BackgroundQueue&) = delete;
 
-  // False: the queue is full, and the job is not taken. One thread posts.
+  // Returns false, and does not take the job, when the queue is full. Only one thread may post.
   bool post(std::function<void()> job);
   std::uint64_t posted() const { return posted_.load(std::memory_order_relaxed); }
   bool done(std::uint64_t count) const { return done_.load(std::memory_order_acquire) >= count; }
   std::uint64_t pending() const { return posted() - done_.load(std::memory_order_acquire); }
-  bool stuck() const;  // the job that is being done takes longer than the limit
-  // For the loop to look at: an error when the queue is stuck, or when a job threw. After that no job is done any more, so that what is
+  bool stuck() const;  // the present job takes longer than the limit
+  // Returns an error when the queue is stuck or a job threw; the loop polls it. No job is done after one that threw, so that what is
   // written has no holes.
   Status status() const;
-  // Waits until all is done, no longer than the limit for a job. False: stuck.
+  // Waits until all jobs are done, but no longer than the limit for each. Returns false when the queue is stuck.
   bool drain() const;
   static void wait_a_little();  // 0.2 ms
 
@@ -57,20 +57,20 @@ class BackgroundQueue {
   // A ring: slot n % capacity belongs to the poster until n is posted, then to the worker.
   std::vector<std::function<void()>> jobs_;
   std::atomic<std::uint64_t> posted_{0}, done_{0};
-  std::atomic<double> busy_since_s_{0.0};  // monotonic; 0: nothing is being done
+  std::atomic<double> busy_since_s_{0.0};  // monotonic clock; 0: idle
   std::atomic<bool> ends_{false}, threw_{false};
-  std::string thrown_;  // what; written before threw_
+  std::string thrown_;  // its text; written before threw_
   std::jthread thread_;
 };
 
-// Of writes that are in no queue, while no table moves: what its scope does may take no longer than the limit, else `hangs` is called, by a
-// thread of its own, and has to end the program: whoever waits for a disk that does not answer cannot be told.
+// Limits the time of writes that are in no queue, while no table moves: if its scope lasts longer than the limit, a thread of its own calls
+// `hangs`, which has to end the program, because nobody can be told while the disk does not answer.
 class StorageLimit {
  public:
-  // Several writes, one after the other, and a database that somebody else may hold for 10 s.
+  // Time for several writes in a row, and for a database that another process may hold for 10 s.
   static constexpr double together_s = 3.0 * BackgroundQueue::answer_limit_s;
   explicit StorageLimit(std::function<void()> hangs, double limit_s = together_s);
-  StorageLimit(std::function<bool()> passed, std::function<void()> hangs);  // asked ten times a second
+  StorageLimit(std::function<bool()> passed, std::function<void()> hangs);  // `passed` is polled ten times a second
   ~StorageLimit() { done_.release(); }                                      // within the limit
   StorageLimit(const StorageLimit&) = delete;
   StorageLimit& operator=(const StorageLimit&) = delete;
@@ -80,7 +80,7 @@ class StorageLimit {
   std::jthread thread_;
 };
 
-// A write that was handed to a queue. One that the queue could not take is done at once, with an error.
+// A write that was posted to a queue. If the queue did not take it, it counts as done at once, with an error.
 class PendingWrite {
  public:
   PendingWrite(BackgroundQueue& queue, std::function<Status()> write)
@@ -98,11 +98,11 @@ class PendingWrite {
 
  private:
   BackgroundQueue* queue_;
-  std::shared_ptr<Status> status_;  // outlives whoever waits no longer
+  std::shared_ptr<Status> status_;  // outlives a caller that no longer waits
   std::uint64_t ticket_ = 0;
 };
 
-// An observer that may block: what it is told waits in a queue. Snapshots are left out while others wait, the rest is not.
+// Passes events on to an observer that may block, through a queue. Snapshots are skipped while others wait; nothing else is.
 class BackgroundObserver : public RunObserver {
  public:
   BackgroundObserver(RunObserver& observer, BackgroundQueue& queue) : observer_(observer), queue_(queue) {}

@@ -168,7 +168,7 @@ bool DwellMonitor::judge_dead() {
     const double n = double(same.samples), others = part * double(by_parts.count);
     const double mean = by_parts.mean() / part, off = std::abs(same.value - mean) * n;
     const double share = n / others;
-    // Pulses of a running sum are off by their ends alone, numbers that are rounded by each of them.
+    // A sum of pulses is rounded at its two ends only, rounded numbers at every sample.
     const double rounding = pulses_[i / 3] ? (1.0 + share * share) / 6.0 : n * of_[i].step * n * of_[i].step / 12.0;
     const double sigma = std::sqrt(variance * n * (1.0 + share) + rounding);
     if (off > 0.0) squares += off * off / (sigma * sigma);
@@ -196,11 +196,11 @@ std::optional<DwellMonitor::Stretch> DwellMonitor::frozen_together() const {
     end = std::min(end, c.longest.first + c.longest.samples);
     shortest = std::min(shortest, c.longest.samples);
   }
-  // A neighbour may happen to be the same, and a slow gyro be used to it.
+  // Tolerates a neighbouring sample that happens to be equal, and a slow gyro that often repeats a value.
   return 10 * (end - first) > 9 * shortest ? std::optional(Stretch{0.0, first, end - first}) : std::nullopt;
 }
 
-// Of the window that is further from the mean of the others: how far it is without its outlier.
+// Describes the outlier of the window that is furthest from the mean of the others; empty when the window is not still without it.
 std::string DwellMonitor::glitch_text(std::size_t channel, double limit) const {
   if (windows_ < 2) return {};
   const double others = double(windows_ - 1);

@@ -1,24 +1,24 @@
-// Does a dwell count? Pure logic on its samples: counted by the unit's counter, every sample there and good, and the unit
-// at rest by its own account.
+// Decides whether a dwell counts. Pure logic on its samples: none may be missing by the unit's counter or flagged as bad, and the unit has to
+// be at rest by its own readings.
 //
-// Stillness: the mean rate and mean specific force of each sensor over consecutive windows of stillness_window_s; their
-// standard deviation over the dwell so far and the largest distance of one from the mean of all must stay below the
-// configured limits (a single sample says nothing: one pulse of a laser gyro in 5 ms is already 0.05 deg/s). Judged at
-// the end of every window, so that a knock in a long dwell does not cost the rest of it.
+// Stillness: for each sensor, the means of rate or specific force over consecutive windows of stillness_window_s. Their standard deviation
+// over the dwell so far, and the largest deviation of one from their mean, must stay below the configured limits. (A single sample says
+// nothing: one pulse of a laser gyro in 5 ms already amounts to 0.05 deg/s.) Judged at the end of every window, so that a knock in a long
+// dwell does not cost the rest of it.
 //
-// Nor may a channel give one and the same number v in n samples, 0.9 s or longer, where the N others of the dwell have the mean u:
+// A frozen channel is a defect: it gives one number v in n consecutive samples (0.9 s or more), while the N other samples have the mean u, and
 //   |v - u| n > 8 sqrt(sigma^2 n (1 + n / N) + r^2)
-// sigma: the noise of a sample, by the scatter of the sums of windows, or, where there are not ten, of their tenths. r: what rounding may do:
-// pulses of a running sum are off by the two ends, r^2 = (1 + (n / N)^2) / 6; numbers by each, r = n q / sqrt(12), q the least step seen. A
-// channel that feels nothing may so read zero for as long as it likes. A stretch is judged when it has ended, so that the dwell is not begun
-// again into it, or after 30 s; meanwhile nothing is said of stillness. Where the stretches of all six are one (a converter hangs, or a frame is
-// sent again), the sum of their squares in sigmas is judged; where nothing of the dwell is left beside it, it may not last for so long that
-// the channels would have changed a hundred times as in the stillest dwell before.
+// sigma: the noise of one sample, from the scatter of the sums of windows, or of tenths of windows when there are fewer than ten windows.
+// r: rounding. A sum of pulses is rounded at its two ends only, r^2 = (1 + (n / N)^2) / 6; other numbers at every sample, r = n q / sqrt(12),
+// with q the least step seen. So a channel that senses nothing may read zero for as long as it likes. A stretch is judged when it has ended, so
+// that the repeated dwell does not begin inside it, or after 30 s; stillness is not judged meanwhile. When the stretches of all six coincide
+// (a converter hangs, or a frame is repeated), the sum of their squared deviations in sigmas is judged, too. When such a stretch leaves too
+// little to compare with, the changes expected in it, as in the stillest earlier dwell, may not exceed a hundred.
 //
-// One sample alone may have spoilt a window: when the unit was still without it, the reason names it as a glitch.
+// When a single sample spoilt a window, and the unit was still without it, the reason calls that sample a glitch.
 //
-// Units: counts become deg/s and m/s^2 by the nominal scale factors of the recording (start values of calib/model/parameters.h);
-// a per cent of scale error does not matter here. That the table reads elsewhere is the caller's to see.
+// Units: counts become deg/s and m/s^2 by the recording's nominal scale factors (start values of calib/model/parameters.h); a scale error of
+// a per cent does not matter here. Not judged: whether the table reads another position. That is the caller's task.
 #pragma once
 
 #include <algorithm>
@@ -36,10 +36,10 @@
 
 namespace turncal {
 
-// What a count in the sum over so many samples is of their mean, by the nominal scale: deg/s of the gyros, m/s^2 of the accelerometers.
+// Returns the mean per count of a sum over `samples`, by the nominal scale: deg/s for the gyros, m/s^2 for the accelerometers.
 std::array<double, 6> mean_per_count(const RecordingInfo& info, std::int64_t samples);
 
-// Mean and variance of numbers as they come; relative to the first, so that nothing is lost to a large mean.
+// Running mean and variance, relative to the first number so that a large mean costs no precision.
 struct Scatter {
   void add(double value) {
     if (count == 0) first = value;
@@ -59,14 +59,14 @@ struct Scatter {
 class DwellMonitor {
  public:
   struct Defect {
-    ErrorKind kind = ErrorKind::device;  // what it means when no repeat is left
+    ErrorKind kind = ErrorKind::device;  // kind of error when no repeat is left
     std::string reason;
   };
 
   DwellMonitor(const DwellConfig& config, const RecordingInfo& info);
 
   void start(std::int64_t first_counter, std::int64_t samples);
-  // The next samples of the stream. The first defect, if there is one so far.
+  // Takes the next samples of the stream. Returns the first defect of the dwell so far.
   const std::optional<Defect>& add(std::span<const ImuSample> samples);
 
   bool complete() const { return next_counter_ >= first_counter_ + samples_; }
@@ -75,43 +75,43 @@ class DwellMonitor {
  private:
   static constexpr int channels = 6;  // gyro x y z, accelerometer x y z
   void close_window();
-  bool judge_dead();  // channels that stood still; true: one may have, and more samples will tell
+  bool judge_dead();  // frozen channels; true: one may be frozen, and more samples will tell
   std::string glitch_text(std::size_t channel, double limit) const;
 
-  // The sample of a window that stands out most, and where the window's mean would be without it.
+  // The most extreme sample of a window, and the window's mean without it.
   struct Outlier {
     double value = 0.0;
     std::int64_t counter = 0;
     double without = 0.0;
   };
-  // Samples in a row in which a channel gave one number alone: those that go on, and the longest.
+  // Consecutive samples in which a channel gave the same number: the present stretch and the longest one.
   struct Stretch {
     double value = 0.0;
     std::int64_t first = 0, samples = 0;
   };
   struct Channel {
     Stretch now, longest;
-    double step = std::numeric_limits<double>::infinity();  // the least from sample to sample
-    // The running window, and what the closed ones sum up to; values relative to the first window of the dwell.
+    double step = std::numeric_limits<double>::infinity();  // least change between two samples
+    // The present window and sums over the closed ones; values are relative to the dwell's first window.
     double window_sum = 0.0, part_sum = 0.0, origin = 0.0, sum = 0.0, square = 0.0, lowest = 0.0, highest = 0.0;
-    Outlier least, most;            // of the running window
+    Outlier least, most;            // of the present window
     Outlier in_lowest, in_highest;  // of the windows with the lowest and the highest mean
   };
-  std::optional<Stretch> frozen_together() const;  // the longest stretches of all six, where they are one
+  std::optional<Stretch> frozen_together() const;  // overlap of all six channels' longest stretches
 
   DwellConfig config_;
   bool pulses_[2] = {true, true};        // of gyros, accelerometers
   std::array<double, channels> unit_{};  // deg/s or m/s^2 per count and window
   std::int64_t window_samples_ = 200, part_samples_ = 20;
   double period_s_ = 0.0;
-  double stillest_ = 0.0;  // changes per sample, the fewest of an earlier dwell
-  // Of the dwell.
+  double stillest_ = 0.0;  // changes per sample, of all channels, in the stillest earlier dwell
+  // State of the present dwell.
   std::int64_t first_counter_ = 0, samples_ = 0, next_counter_ = 0;
   std::optional<Defect> defect_;
   std::array<Channel, channels> of_{};
   std::int64_t in_window_ = 0, windows_ = 0, in_part_ = 0;
   std::vector<std::array<double, channels>> parts_;  // sums of the tenths of windows
-  std::int64_t changes_ = 0;                         // of a channel, from one sample to the next
+  std::int64_t changes_ = 0;                         // changes from one sample to the next, of all channels
 };
 
 }  // namespace turncal

@@ -13,12 +13,12 @@ namespace turncal {
 
 namespace {
 
-constexpr double homing_begins_s = 20.0;  // after the command, or after another axis has found its zero
+constexpr double homing_begins_s = 20.0;  // after the command, or after another axis found its zero
 constexpr double turns_degps = 0.01;
 
 constexpr int guard_polls = 3;
 
-// What counts as coming nearer: far less than any real move makes in stall_s, more than an encoder's flicker.
+// Least progress: far less than any real move makes in stall_s, more than an encoder's flicker.
 constexpr double progress_deg = 2e-4;
 
 }  // namespace
@@ -69,7 +69,7 @@ std::optional<RunEvent> ArrivalMonitor::update(const TableStatus& status, double
   const bool was_settling = std::exchange(at_.arrived_s, std::nullopt).has_value();
   if (now_s > at_.deadline_s + time_slack_s) return RunEvent::deadline;
   if (!at_.move) {
-    at_.arrived_s = now_s;  // the settle time begins anew; the deadline does not
+    at_.arrived_s = now_s;  // the settle time starts again; the deadline does not
     return std::nullopt;
   }
   if (was_settling) {
@@ -152,7 +152,7 @@ void FeltRate::close_block() {
 }
 
 void FeltRate::begin_turn(double allowed_degps2) {
-  // After a turn that nobody ended, the rest before it.
+  // When the last turn was not ended, the rest before that turn stays valid.
   if (!turning_) rest_degps_ = way_s_ > 0.0 ? 4.0 * way_deg_ / way_s_ : 0.0;
   way_deg_ = way_s_ = peak_degps_ = up_degps_ = down_degps_ = beyond_degps_ = 0.0;
   allowed_degps2_ = allowed_degps2;
@@ -160,12 +160,12 @@ void FeltRate::begin_turn(double allowed_degps2) {
 }
 
 std::optional<double> FeltRate::end_turn(double turned_deg) {
-  // A unit's pulse may weigh so much; else its frame is wrong.
+  // Ratios of felt to turned angle that a unit may have; beyond them its frame is wrong.
   constexpr double least_deg = 4.0, least = 0.4, same = 0.02;
   const double ratio = way_deg_ / std::abs(turned_deg);
   const double felt_degps = peak_degps_;
   const bool tells = std::abs(turned_deg) >= least_deg && ratio >= least && ratio <= largest_scale;
-  // One turn alone may have lost samples.
+  // Two turns have to agree, because one alone may have lost samples.
   const bool agrees = tells && std::abs(ratio - ratio_) <= same * ratio;
   if (agrees) scale_ = 1.0 / ratio;
   confirmed_ = confirmed_ || agrees;
@@ -239,9 +239,9 @@ std::optional<std::string> SpeedWatch::add_felt(const std::vector<const FeltRate
                                                 const std::optional<Move>& sent, bool searches) const {
   double most_degps = 0.0;
   for (const AxisLimits& axis : limits_) most_degps = std::max(most_degps, axis.max_rate_degps);
-  std::optional<double> rate_degps;  // the least of the units
+  std::optional<double> rate_degps;  // least over the units
   for (const FeltRate* unit : felt) {
-    // In a search its scale is not known yet: the largest one counts.
+    // In a search the scale is not yet known, so the largest one is assumed.
     std::optional<double> now = unit->confirmed() || searches ? unit->now_degps() : std::nullopt;
     if (!now) continue;
     if (!unit->confirmed()) *now /= FeltRate::largest_scale;
@@ -263,7 +263,7 @@ std::optional<std::string> SpeedWatch::add_felt(const std::vector<const FeltRate
 
 std::optional<std::string> SpeedWatch::judge_turn(const std::vector<const FeltRate*>& felt, const Move& move,
                                                   double turned_deg) {
-  std::optional<double> jump_degps, way_deg;  // the least of the units
+  std::optional<double> jump_degps, way_deg;  // least over the units
   for (const FeltRate* unit : felt) {
     way_deg = std::min(way_deg.value_or(unit->least_way_deg()), unit->least_way_deg());
     if (unit->confirmed()) jump_degps = std::min(jump_degps.value_or(unit->jump_degps()), unit->jump_degps());

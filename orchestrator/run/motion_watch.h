@@ -1,11 +1,11 @@
-// Does the table move as commanded? Pure functions of readings and of the unit's rates, for a run and for commissioning; both stop the table
-// at the first poll that shows that it does not.
+// Judges whether the table moves as commanded. Pure functions of readings and of the unit's rates, for a run and for commissioning; both stop
+// the table at the first poll that shows otherwise.
 //
 //   ArrivalMonitor  when a move has arrived, and has settled
-//   stray_axis   an axis that nothing sent stays where it stood, the one that was sent on its way
-//   SpeedWatch   no axis turns faster than 1.2 times the rate that was sent, nor than its max_rate, by its rate, by its positions and by
-//                what the unit measures; nor is it accelerated by more than 1.2 times what was sent, nor turned further than it reads
-//   HomingWatch  axes that look for their zero find it
+//   stray_axis      an axis that was not sent stays where it stood, the one that was sent stays on its way
+//   SpeedWatch      no axis exceeds its max_rate or 1.2 times the rate that was sent: by its rate, by its positions and by what the unit
+//                   measures; nor 1.2 times the acceleration that was sent; nor does it turn further than it reads
+//   HomingWatch     axes that search their zero find it
 #pragma once
 
 #include <algorithm>
@@ -26,18 +26,18 @@
 
 namespace turncal {
 
-// Comparisons of times allow this much, so that 0.1 + 0.2 is not later than 0.3.
+// Tolerance of comparisons of times, so that 0.1 + 0.2 is not later than 0.3.
 inline constexpr double time_slack_s = 1e-6;
 
-// "Done" is not trusted: it can be set before the motion starts, flicker, come late, or be set after a stop. A move has arrived
-// when all of this holds:
+// Decides when a move has arrived. The device's "done" is not trusted: it can be set before the motion starts, flicker, come late, or be set
+// after a stop. A move has arrived when all of this holds:
 //   - motion was seen (position, rate or moving flag), or three polls have passed since the acknowledged command;
 //   - the axis says in position and not moving, and no axis moves;
 //   - abs(position - target) <= position_tolerance_deg; positions are cumulative, so whole turns are told apart;
 //   - abs(rate) <= settle_rate_degps;
-// and it has settled when that has held at every poll for settle_s. The whole has to be over by
+// It has settled when that has held at every poll for settle_s. All of it has to be over by
 //   angle/rate + 2 rate/acceleration + deadline_margin_s,
-// and outside the tolerance the axis has to come nearer within each stall_s. Faults, limits and emergency stop are the caller's to see first.
+// and outside the tolerance the axis has to come nearer within each stall_s. The caller first checks faults, limits and emergency stop.
 // Without a move, settle_only() waits until every axis has been at rest for settle_s, wherever it stands.
 class ArrivalMonitor {
  public:
@@ -47,13 +47,13 @@ class ArrivalMonitor {
   void start_move(const Move& move, double from_deg, double now_s);
   void settle_only(double now_s);
 
-  // One poll. arrived, unsettled, settled, stall, deadline, or nothing new.
+  // Takes one poll. Returns arrived, unsettled, settled, stall, deadline, or nothing when nothing is new.
   std::optional<RunEvent> update(const TableStatus& status, double now_s);
 
-  // The best time of the next poll: the earliest moment at which the motion, or the settle time, can be over. Before that
+  // Returns the best time of the next poll: the earliest moment at which the motion, or the settle time, can be over. Until then
   // the poll interval decides.
   double moment_of_interest_s(double now_s) const;
-  double allowed_s() const { return at_.deadline_s - at_.started_s; }  // for the whole, settling included
+  double allowed_s() const { return at_.deadline_s - at_.started_s; }  // for move and settling
   const std::optional<Move>& move() const { return at_.move; }
   double from_deg() const { return at_.from_deg; }  // of the move's axis
 
@@ -72,35 +72,35 @@ class ArrivalMonitor {
   Progress at_;
 };
 
-// More than any overshoot of a move, or the slip of an axis that is knocked: beyond it no move corrects it.
+// A distance larger than any overshoot or slip of a knocked axis. Beyond it the position is not corrected by a move.
 inline double least_runaway_deg(double position_tolerance_deg) { return std::max(1.0, position_tolerance_deg); }
 
-// What is said of it; nothing: all is well. held_deg: where the axes stood when the move, if there is one, was sent. standing_deg: how far
-// from there an axis may read that was not sent.
+// Returns a message when an axis is astray. held_deg: where the axes stood before the move, if there is one, was sent. standing_deg: how far
+// from there an axis that was not sent may read.
 std::optional<std::string> stray_axis(const TableStatus& axes, const AxisTriple& held_deg,
                                       const std::optional<Move>& move, double standing_deg,
                                       double position_tolerance_deg);
 
-// How fast a unit turns: the magnitude of its gyros' vector, whatever its mounting, by blocks of 10 ms and as the median of five, so that
-// a glitch is none. Time is the unit's own. deg/s by the nominal scale of its frame; where two turns have told alike what the unit makes of a
-// degree (end_turn), by that. Four times its mean reading at rest before the turn is subtracted: noise, bias and the earth's rate.
+// The rate at which a unit turns: the norm of its gyro vector, whatever its mounting, in blocks of 10 ms and as the median of five, which
+// removes glitches. Time is the unit's own. deg/s by the nominal scale of its frame or, once two turns have agreed on it (end_turn), by the
+// measured scale. Four times the mean reading at rest before the turn is subtracted: noise, bias and Earth rate.
 // A sample that the unit flags counts as lost.
 class FeltRate {
  public:
   explicit FeltRate(const RecordingInfo& info);
   void add(const ImuSample& sample);
   void begin_turn(double allowed_degps2);
-  // The table turned by so much since then. Returns the largest rate measured meanwhile, deg/s; nothing: the unit's scale does not follow from it.
+  // Ends a turn by turned_deg on the table. Returns the largest rate in it, deg/s; empty when the turn does not determine the unit's scale.
   std::optional<double> end_turn(double turned_deg);
   bool confirmed() const { return confirmed_; }
-  static constexpr double largest_scale = 1.7;  // of what a unit's pulse may weigh, to its nominal weight
-  std::optional<double> now_degps() const;      // nothing: no block is whole since a gap
-  // How much faster, or slower, it became in the turn that ended than the allowed acceleration makes it, deg/s: the largest
-  // |w(t) - w(s)| - a (t - s). 0 where the unit did not feel the way that the table turned: samples that it lost without saying so are a
-  // jump, too.
+  static constexpr double largest_scale = 1.7;  // largest angle by the nominal scale per angle turned
+  std::optional<double> now_degps() const;      // empty until five blocks are complete since a gap
+  // Returns by how much the rate changed more, in the turn that ended, than the allowed acceleration a permits, deg/s: the largest
+  // |w(t) - w(s)| - a (t - s). 0 while the scale is not confirmed, or when the unit did not feel the whole turn: samples lost without notice
+  // look like a jump, too.
   double jump_degps() const { return jump_degps_; }
-  // Least angle of the turn that ended, deg: where the unit's scale is not known, by the largest one, and without what it
-  // feels at rest.
+  // Returns a lower bound of the angle felt in the turn that ended, deg: without the reading at rest, and by largest_scale while the
+  // scale is not confirmed.
   double least_way_deg() const { return least_way_deg_; }
 
  private:
@@ -112,40 +112,40 @@ class FeltRate {
   std::array<double, 3> sum_{};
   std::int64_t in_block_ = 0;
   std::array<double, blocks> last_degps_{};
-  std::size_t known_ = 0;  // of them
+  std::size_t known_ = 0;  // valid ones
   double median_degps_ = 0.0;
   double way_deg_ = 0.0, way_s_ = 0.0, peak_degps_ = 0.0, rest_degps_ = 0.0, up_degps_ = 0.0, down_degps_ = 0.0,
          beyond_degps_ = 0.0;
   double allowed_degps2_ = 0.0, jump_degps_ = 0.0, least_way_deg_ = 0.0;
   double scale_ = 1.0, ratio_ = 0.0;
-  bool confirmed_ = false, turning_ = false;  // the latter from begin_turn to end_turn
+  bool confirmed_ = false, turning_ = false;  // turning_: from begin_turn to end_turn
 };
 
-// How fast the axes turn, poll after poll. What is said of one that is too fast is one line; nothing: all is well.
+// Judges how fast the axes turn, poll by poll. Returns one line about an axis that is too fast, or nothing.
 //
-// By its rate: where the device tells one (AxisStatus::rate_told). By its positions: of all readings s < t the largest
-//   |p(t) - p(s)| - allowed (t - s),  a fault beyond the way of stale_s at the allowed rate and 0.1 deg,
-// by their answers. A reading is as old as its answer is late, which counts once, where a change begins, so that a slow line is no fault and
-// hides none; a position that is found anew only several times a second is none either. By the unit: the least of those on the table whose
-// scale is known; that of the first turn is for first_step_check.h to judge. How it was sped up is judged when the turn is over.
+// The rate, where the device reports one (AxisStatus::rate_told). The positions: over all readings s < t the largest
+//   |p(t) - p(s)| - allowed (t - s),  timed by the answers; a fault beyond 0.1 deg plus what stale_s at the allowed rate turns.
+// The delay of the first answer is allowed for once, so a slow line neither causes a fault nor hides one; a position that is refreshed
+// only several times a second causes none either. The unit: the least rate of the units whose scale is confirmed; first_step_check.h judges
+// the first turn. The acceleration is judged when the turn is over.
 class SpeedWatch {
  public:
   SpeedWatch(const std::array<AxisLimits, 3>& limits, double speed_up) : limits_(limits), speed_up_(speed_up) {}
-  // An axis is sent; the axes were read like this before.
+  // Starts anew when an axis is sent. axes: the last reading before that.
   void restart(const TableStatus& axes, double asked_s, double answered_s);
-  // asked_s, answered_s: station time around the reading of all axes. sent: the move that goes on. searches: the axes look for their zero.
+  // asked_s, answered_s: station time around the reading of all axes. sent: the present move. searches: the axes search their zero.
   std::optional<std::string> add(const TableStatus& axes, double asked_s, double answered_s,
                                  const std::optional<Move>& sent, bool searches);
-  // felt: of each unit that is alive.
+  // felt: one for each unit that is still in the run.
   std::optional<std::string> add_felt(const std::vector<const FeltRate*>& felt, const TableStatus& axes,
                                       const std::optional<Move>& sent, bool searches) const;
-  // Of a move that is over: sped up too quickly, or further than the table read.
+  // Judges a finished move: whether it was sped up too quickly, or turned further than the table read.
   static std::optional<std::string> judge_turn(const std::vector<const FeltRate*>& felt, const Move& move,
                                                double turned_deg);
 
   static constexpr double factor = 1.2;
-  static constexpr int zeros = 2;          // so often a search may set an angle anew
-  static constexpr double stale_s = 0.25;  // wall time: a table that finds its position four times a second
+  static constexpr int zeros = 2;          // how often a search may set an angle anew
+  static constexpr double stale_s = 0.25;  // wall time, for a table that refreshes its position four times a second
   static double rate_margin_degps(double allowed_degps) { return std::max(0.5, 0.05 * allowed_degps); }
   static double felt_margin_degps(double allowed_degps) { return 1.0 + 0.05 * allowed_degps; }
   static double jump_margin_degps(double rate_degps) { return 1.0 + 0.25 * rate_degps; }
@@ -162,7 +162,7 @@ class SpeedWatch {
     double asked_s = 0.0, answered_s = 0.0;
   };
   std::optional<Reading> before_;
-  // Cumulative sums, for either way, and since when.
+  // Cumulative sums for both directions, and when they began.
   struct Excess {
     double deg = -std::numeric_limits<double>::infinity(), since_s = 0.0;
   };
@@ -173,19 +173,19 @@ class SpeedWatch {
   std::array<Beyond, 3> beyond_{};
 };
 
-// Whether the axes look for their zero. How far each turns meanwhile counts by its rate and by its angle, whichever says more: the angle may be
-// set anew on the way, and a rate may not be told. A search goes there and back within its travel, and needs no more than a turn beyond it.
-// A drive that was told to, and has not begun, is not waited for until the whole search should be over.
+// Judges the search for zero. The angle turned counts by the rate and by the positions, whichever gives more: the position may be set anew
+// on the way, and a rate may be missing. A search goes there and back within its travel, and at most one turn beyond it.
+// A drive that does not begin is reported early, not at the deadline of the whole search.
 class HomingWatch {
  public:
   explicit HomingWatch(const std::array<AxisLimits, 3>& limits) : limits_(limits) {}
-  // What is said of an axis that has turned further, or does not begin; nothing: all is well.
+  // Returns a message when an axis has turned further, or does not begin.
   std::optional<std::string> add(const TableStatus& axes);
 
  private:
   std::array<AxisLimits, 3> limits_;
   AxisTriple turned_deg_{};
-  double idle_s_ = 0.0;  // since any of them turned
+  double idle_s_ = 0.0;  // time since any axis turned
   std::optional<TableStatus> before_;
 };
 
