@@ -45,26 +45,26 @@ struct RunSnapshot {
   double run_fraction = 0.0;       // of the plan's time
   double eta_s = 0.0;              // what the plan says is left, a rest after an interruption included
   double end_utc_s = 0.0;          // civil time of that end
-  std::size_t moves_left = 0;      // of the plan, the one going on included
+  std::size_t moves_left = 0;      // of the plan, the present one included
   int repeats = 0;                 // of the present dwell
   std::uint64_t lost_samples = 0;  // of all units
   std::vector<UnitSnapshot> units;
 };
 
-// What a pause that was asked for waits for: "pause asked for: after this dwell, at 23:41:07Z; Ctrl-C again stops now".
+// Says what a requested pause waits for: "pause asked for: after this dwell, at 23:41:07Z; Ctrl-C again stops now".
 std::string format_pause(const RunSnapshot& at);
 
 struct TransitionRecord {
-  RunSnapshot at;  // as it was when the event came
+  RunSnapshot at;  // before the event was handled
   RunState from = RunState::idle;
   RunEvent event = RunEvent::start;
   RunState to = RunState::idle;
   RunAction action = RunAction::none;
   bool unexpected = false;
-  std::string detail;  // what there is to say about the event; may be empty
+  std::string detail;  // details of the event; may be empty
 };
 
-// A unit that is no longer part of the run: gone, silent, refused, or its recording cannot be written.
+// A unit that has left the run: gone, silent, refused, or its recording cannot be written.
 struct Dropout {
   std::uint64_t place = 0;  // in the run, from 1
   std::string serial;
@@ -83,11 +83,11 @@ class RunObserver {
   virtual void on_dropout(const Dropout&) {}
 };
 
-// What a run must make durable before its consequence: every transition before its action (but a stop, which waits for
-// nothing and is written down after it went out), every command before it is sent, every completed dwell before the next item, every
-// unit that drops out when it does, the end of the recording before it is sealed.
+// What a run must make durable before its consequence: every transition before its action (except a stop, which waits for nothing and is
+// written down after it went out), every command before it is sent, every completed dwell before the next item, every dropout as it happens,
+// the end of the recording before it is sealed.
 //
-// An error from any of these stops the run like a disk that is full. On disk: journal.h.
+// An error from any of these stops the run, like a full disk. On disk: journal.h.
 
 // A command to the table, on the station's clock. No move: home.
 struct TableCommand {
@@ -95,28 +95,28 @@ struct TableCommand {
   std::optional<Move> move;
 };
 
-// Where the recording of one unit stood.
+// How far the recording of one unit had come.
 struct RecordingPoint {
   std::int64_t next_sample = 0;    // of the recording: where the segment ended
   std::int64_t first_counter = 0;  // the unit's own, of the recording's sample 0
   std::int64_t last_counter = 0;   // the unit's own, of the last recorded sample
   std::uint64_t lost_samples = 0;
   std::uint64_t duplicate_samples = 0;
-  std::optional<std::uint32_t> written{};  // hash of the recording up to there
+  std::optional<std::uint32_t> written{};  // hash of the recording so far
   bool operator==(const RecordingPoint&) const = default;
 };
 
-// All that a run needs to know in order to go on after a completed dwell.
+// Everything that a run needs in order to go on after a completed dwell.
 struct CompletedDwell {
   std::size_t item = 0;               // of the plan
-  std::vector<RecordingPoint> units;  // in the order of the run; of one that dropped out: where it stopped
+  std::vector<RecordingPoint> units;  // in the order of the run; for a unit that dropped out, where it stopped
   int repeated_dwells = 0;
-  double time_s = 0.0;  // of the station's clock, when it was complete
+  double time_s = 0.0;  // station's clock at its completion
   double utc_s = 0.0;
   bool operator==(const CompletedDwell&) const = default;
 };
 
-// Where an interrupted run goes on: everything after this dwell is done again, and nothing before it.
+// Where an interrupted run resumes: everything after this dwell is done again, and nothing before it.
 struct ResumePoint {
   CompletedDwell after;
   // Only for simulated devices that were put back to the moment at which that dwell ended: no time has passed for them, and
@@ -132,11 +132,11 @@ class RunJournal {
   virtual Status command(const TableCommand& command) = 0;
   virtual Status dwell(const CompletedDwell& dwell) = 0;
   virtual Status dropout(const Dropout& dropout) = 0;
-  // The recordings are about to be finished. hashes: of their contents, by unit; empty for one that dropped out.
+  // Called when the recordings are about to be finished. hashes: of their contents, by unit; empty for one that dropped out.
   virtual Status seal(double utc_s, const std::vector<std::string>& hashes) = 0;
 };
 
-// Who is given what a run captures of a unit: its recording on disk, the check of its first step, the page; in a test a memory.
+// A receiver of what a run captures of a unit: its recording on disk, the check of its first step, the page; in a test, memory.
 //
 // Calls come in this order: start (or resume), then begin_segment / add... / end_segment over and over, sync after every step, and finish.
 // Counters count from 0 at the first sample of the recording. Any error ends the run.
@@ -152,13 +152,13 @@ class RunSink {
   }
   virtual Status begin_segment(const Segment& segment) = 0;  // end_sample is not yet known
   virtual Status add(std::span<const ImuSample> samples) = 0;
-  // The final kind: a dwell that does not count is closed as rotate.
+  // `kind` is final: a dwell that does not count is closed as rotate.
   virtual Status end_segment(SegmentKind, std::int64_t /*end_sample*/, const AxisTriple& /*angles_deg*/) { return {}; }
   virtual Status sync() { return {}; }
-  // A hash of all that was kept so far; nothing where nothing is kept.
+  // Returns a hash of everything kept so far; empty when nothing is kept.
   virtual std::optional<std::uint32_t> written() const { return {}; }
   virtual Status finish() { return {}; }  // complete and durable
-  // What was found wrong with the unit itself, not with storing; asked when a segment has ended.
+  // Returns what is wrong with the unit itself, not with storing it; called when a segment has ended.
   virtual Status unit_fits() const { return {}; }
 };
 

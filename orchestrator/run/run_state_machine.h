@@ -27,8 +27,8 @@ enum class RunState {
   idle,         // nothing opened yet
   connecting,   // table and IMU are being opened and identified
   homing,       // drives enabled, axes search their zero
-  resting,      // goes on after an interruption: unit and table come to their temperature
-  selecting,    // at rest between two items of the sequence: what comes next?
+  resting,      // resumes after an interruption: unit and table warm up
+  selecting,    // at rest between two items of the sequence: selects the next
   moving,       // one axis was commanded and has not arrived
   settling,     // arrived; has to stay so for the settle time
   dwelling,     // at rest, samples are counted
@@ -53,7 +53,7 @@ enum class RunEvent {
   connect_failed,
   homed,              // every axis says homed and not moving
   rest_over,          // the rest after an interruption has lasted long enough
-  back_in_place,      // after it: the table stands where the last completed dwell left it
+  back_in_place,      // after that rest: the table stands where the last completed dwell left it
   move_next,          // next is a move: of the sequence, or back to where the table should stand
   dwell_next,         // next is a dwell
   step_complete,      // the step has no further item
@@ -75,12 +75,12 @@ enum class RunEvent {
   link_lost,         // the table does not answer
   chamber_fault,     // door, alarm, sensor, link, never settles, the unit too warm (chamber_watch.h)
   imu_lost,          // the IMU is gone or silent
-  motion_data_lost,  // samples lost or flagged while the table turns: told at once, judged when it has settled
+  motion_data_lost,  // samples lost or flagged while the table turns: reported at once, judged when it has settled
   storage_failed,    // the recording cannot be written
   unit_wrong,        // what the unit feels does not fit its frame, its mounting or the site
-  pause_wanted,      // asked for a pause: told while an item goes on, and again at the next safe point
+  pause_wanted,      // a pause is asked for: reported while an item goes on, and again at the next safe point
   operator_stop,     // the operator: stop now
-  end_wanted         // from outside (SIGTERM, SIGHUP): stop now, nobody gives the run up
+  end_wanted         // from outside (SIGTERM, SIGHUP): stop now; the run may be resumed
 };
 template <>
 inline constexpr auto enum_words<RunEvent> =
@@ -100,7 +100,7 @@ enum class RunAction {
   enable_and_home,
   begin_rest,
   settle_again,  // after an interruption; back in place the recording goes on, with a rotate segment to settle in
-  select_next,   // look at cursor and table, say what comes next
+  select_next,   // looks at cursor and table, selects what comes next
   issue_move,    // open a rotate segment, command the axis
   watch_settling,
   watch_moving,
@@ -146,7 +146,7 @@ using StateSet = EnumSet<RunState>;
 using EventSet = EnumSet<RunEvent>;
 using GuardSet = EnumSet<RunGuard>;
 
-// Those that hold. stop_cause: by_operator, by_error or by_interruption.
+// Returns the guards that hold. stop_cause: by_operator, by_error or by_interruption.
 constexpr GuardSet guards_of(bool rest_due, bool repeats_left, RunGuard stop_cause) {
   return {RunGuard::always, rest_due ? RunGuard::rest_due : RunGuard::no_rest_due,
           repeats_left ? RunGuard::repeats_left : RunGuard::no_repeats_left, stop_cause};
@@ -264,7 +264,7 @@ struct Transition {
   RunAction action = RunAction::none;
 };
 
-// Unexpected: to `stopping` with stop_table where the drives may be on, else to `failed`.
+// Looks a transition up. An unexpected event leads to `stopping` with stop_table where the drives may be on, else to `failed`.
 constexpr Transition next(RunState state, RunEvent event, GuardSet guards) {
   for (const TransitionRow& row : transition_table)
     if (row.events.contains(event) && row.from.contains(state) && guards.contains(row.guard))

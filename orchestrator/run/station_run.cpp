@@ -1,4 +1,4 @@
-// The loop of a run, its actions, and what it shows of itself. What the table says and the units do is judged in station_watch.cpp.
+// The loop of a run, its actions and its displays. station_watch.cpp judges the table and the units.
 #include "orchestrator/run/station_run.h"
 
 #include <fmt/format.h>
@@ -16,7 +16,7 @@ namespace {
 
 constexpr double check_period_s = 1.0;
 
-// A person who turns the table takes the time that it takes; the driver has its own limit for an answer.
+// A person turning the table has no deadline; the driver has its own limit for an answer.
 MotionConfig patient(MotionConfig motion, bool needs_operator) {
   if (!needs_operator) return motion;
   motion.stall_s = motion.deadline_margin_s = std::numeric_limits<double>::infinity();
@@ -66,7 +66,7 @@ void StationRun::resume_at(const ResumePoint& resume) {
 }
 
 RunOutcome StationRun::run() {
-  // The table outlives this object, and may be asked again by whoever leaves it.
+  // The table outlives this object, and may be polled after it.
   struct Meanwhile {
     Turntable& table;
     ~Meanwhile() { table.set_meanwhile({}); }
@@ -121,7 +121,7 @@ StationRun::MaybeEvent StationRun::take(RunEvent now) {
                 fmt::format("event {} was not expected in state {}", to_string(now), to_string(state_))});
   TransitionRecord record{snapshot(), state_, now, transition.to, transition.action, unexpected, detail_};
   detail_.clear();
-  // Whatever ends in a stop has an error to report, once; later reasons are consequences.
+  // Every stop reports one error, the first; later reasons are its consequences.
   if (transition.to == RunState::stopping || (is_final(transition.to) && transition.to != RunState::done)) {
     if (!first_error_) {
       const std::string reason = record.detail.empty() ? std::string(to_string(now)) : record.detail;
@@ -139,7 +139,7 @@ StationRun::MaybeEvent StationRun::take(RunEvent now) {
       first_error_ = Error{ErrorKind::device, first_error_->message + "; " + record.detail};
     }
   }
-  // Where nothing changes, the poll that is due stays due.
+  // Without a change of state the next poll stays due.
   const bool changed = transition.to != state_;
   state_ = transition.to;
   // A stop goes out at once: neither disk nor terminal may hold it up.
@@ -151,9 +151,9 @@ StationRun::MaybeEvent StationRun::take(RunEvent now) {
   const auto write = [journal = hooks_.journal, record = std::move(record)] {
     return journal ? journal->transition(record) : Status{};
   };
-  if (stop || is_final(state_)) {  // whether it can be written changes nothing any more
+  if (stop || is_final(state_)) {  // a failed write changes nothing any more
     storage_.post([write] { static_cast<void>(write()); });
-  } else {  // anything else does not happen unless it is in the journal
+  } else {  // no other action is taken unless it is in the journal
     pending = keep(write);
     if (!pending) pending = perform(transition.action, now);
   }
@@ -175,7 +175,7 @@ RunEvent StationRun::raise_table(RunEvent event, const Error& error, const std::
   if (state_ == RunState::stopping) return raise(event, {error.kind, before + error.message});
   if (error.kind == ErrorKind::interrupted) return raise(RunEvent::end_wanted, error);
   if (error.kind != ErrorKind::aborted) {
-    // A configuration that has moved the table was in order: in mid-run a refusal is the device's.
+    // A configuration that has moved the table is valid, so a refusal in mid-run is a device error.
     const bool in_mid_run = error.kind == ErrorKind::input && outcome_.moved;
     return raise(event, {in_mid_run ? ErrorKind::device : error.kind, before + error.message});
   }
@@ -205,7 +205,7 @@ StationRun::MaybeEvent StationRun::asked() {
   }
   if (!pause_asked() || pause_told_) return std::nullopt;
   pause_told_ = true;
-  // A table turned by hand stands when nobody turns it: who pauses while asked for a turn need not make it.
+  // A table turned by hand is at rest; whoever pauses while asked for a turn need not make it.
   if (devices_.table.needs_operator() && in({RunState::homing, RunState::moving}))
     return raise(RunEvent::end_wanted, {ErrorKind::interrupted, "paused"});
   return raise(RunEvent::pause_wanted, {ErrorKind::interrupted, format_pause(snapshot())});
@@ -293,7 +293,7 @@ StationRun::MaybeEvent StationRun::look_around() {
 // ---- before the first item of the sequence and after the last: connect, home, rest after an interruption, stop
 
 StationRun::MaybeEvent StationRun::connect() {
-  if (devices_.chamber) {  // first: one that was left on goes off, whatever else fails
+  if (devices_.chamber) {  // first, so that a chamber that was left on goes off whatever else fails
     if (const Status chamber = devices_.chamber->connect(); !chamber)
       return raise(RunEvent::connect_failed, chamber.error());
   }
@@ -352,7 +352,7 @@ StationRun::MaybeEvent StationRun::enable_and_home() {
     for (UnitLane& lane : lanes_) lane.expect_gap();
   }
   if (const MaybeEvent event = read_table()) return event;
-  if (!table_stands()) {  // whoever commanded this is gone
+  if (!table_stands()) {  // the program that commanded this motion is gone
     if (const MaybeEvent event = taken(devices_.table.stop_all(), "stopping: ")) return event;
     homing_ends_in(brake_s());
     return std::nullopt;
@@ -403,7 +403,7 @@ StationRun::MaybeEvent StationRun::stop_table() {
   for (UnitLane& lane : lanes_) lane.leave_segment();
   const double now_s = devices_.clock.now_s();
   stop_.begin(now_s, brake_s());
-  // Whether it was taken is judged by what the axes do until the deadline; a refusal is told with how that ends.
+  // The motion of the axes until the deadline shows whether the stop was obeyed; a refusal is reported with the outcome.
   if (const Status stopped = stop_.stop(now_s); !stopped)
     detail_ = "the braking stop was refused: " + stopped.error().message;
   phase_deadline_s_ = now_s + brake_s() + job_.station.motion.deadline_margin_s;
@@ -464,16 +464,16 @@ StationRun::MaybeEvent StationRun::leave_out() {
   while (true) {
     const Result<std::optional<std::size_t>> next = hooks_.go_on_with(item_, outcome());
     if (!next) return kept(next.error());
-    if (*next && **next < item_) {  // the dwell once more
+    if (*next && **next < item_) {  // repeats the dwell
       --item_;
       ++outcome_.repeated_dwells;
       asked_of_item_ = item_;
     } else if (*next && **next > item_) {
       item_ = std::min(**next, items.size());
       asked_of_item_ = item_;
-      continue;  // what comes there is asked, too
+      continue;  // asks about that item, too
     }
-    // Where something follows what was left out, the table first goes where that begins.
+    // After skipped items the table first goes to where the next one begins.
     if (*next && item_ > 0 && item_ < items.size()) commanded_deg_ = items[item_ - 1].commanded_deg;
     if (*next) return std::nullopt;
     if (const MaybeEvent event = look_around()) return event;

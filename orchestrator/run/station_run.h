@@ -4,8 +4,8 @@
 // transition up in run_state_machine, and carries the action out. It never blocks for a motion. Every decision is in the
 // transition table, the arrival rule in motion_watch, the rule for a dwell in dwell_monitor.
 //
-// - The loop does no I/O that can block but the table's and the units' own. Journal and recordings are written by the storage queue's thread.
-//   What must be durable before something else happens is waited for in keep(), where the table is watched on, and a stop goes out, as
+// - The only I/O of the loop that can block is that of the table and the units. The storage queue's thread writes journal and recordings.
+//   keep() waits for what must be durable before something else happens; meanwhile the table is watched, and a stop goes out, as
 //   anywhere else. A disk that does not answer within the queue's limit is a fault: storage_failed.
 // - The recording begins with the first item of the sequence; connecting, homing and the way to the start position are not
 //   in it, and its counter starts at 0.
@@ -13,34 +13,34 @@
 //   can be over, so that a table that keeps to its profile gives the segments of planned_segments() to the sample.
 // - Before any item every axis must stand where the plan says; one that does not is moved there first (roll, pitch, heading).
 //   That serves the start, a table that drifted, and a run that goes on after an interruption.
-// - Samples lost or flagged while the table turns are said in the log, and stay in the recording as they are. Once it has settled the
-//   table goes back to where the move began, all of that recorded as rotate, and the move is made again, dwell.max_repeats times.
-// - While the table's answer is awaited the units are read: a slow table costs no samples.
+// - Samples lost or flagged while the table turns are logged, and stay in the recording as they are. Once settled, the table goes back to
+//   where the move began, all of which is recorded as rotate, and the move is repeated, up to dwell.max_repeats times.
+// - While the loop waits for the table's answer the units are read, so that a slow table costs no samples.
 // - A run that goes on (StationJob::resume) begins after its last completed dwell: it homes (or, where no time has passed,
 //   verifies that the encoders are homed and stand where they did), rests for resume.rest_s, goes back to where that dwell stood,
-//   not recorded, settles inside a rotate segment that begins with a gap of one sample, and does what came after that dwell. A run that is taken up clears a fault that a drive
-//   still shows (its watchdog stopped it when the last program died); what the drive says then decides. No other run does.
+//   not recorded, settles inside a rotate segment that begins with a gap of one sample, and does what came after that dwell. Only a run that is
+//   taken up clears a fault that a drive still shows (its watchdog stopped it when the last program died); the drive is then read again.
 // - On any error: stop to all axes, drives off at rest, both verified by their status (turntable_drivers/table/table_stop.h); the
 //   fastest stop when that fails or nothing can be read. The outcome names reason and place in one line.
 //
-// - A chamber is brought to its temperature when the table is homed, and the run rests until it has settled. It is polled with the table. Its faults
-//   stop the table first, and then it goes off, told again until it is read back. So it goes at every end, before anything is calibrated.
+// - A chamber is brought to its temperature once the table is homed, and the run rests until it has settled. It is polled with the table.
+//   On a chamber fault the table stops first; then the chamber goes off, as at every end, before anything is calibrated.
 //
-// - A pause lets the item that goes on come to its end, and homing; then the table is stopped and its drives go off, both verified
+// - A pause lets the present item, or homing, come to its end; then the table is stopped and its drives go off, both verified
 //   as above. Once everything is recorded a pause changes nothing.
 //
 // Several units ride on one table: one motion, one journal, and for each a lane (unit_lane.h) with its own recording.
-// - What befalls a unit (gone, silent, another one than asked for, its recording not writable, too slow) is that unit's alone as
-//   long as another is left: it drops out, which is journalled and told, and the others go on. The last one fails the run. What
-//   the table does concerns all.
-// - Every living lane is read in every turn: the first that the run waits for with the time until the next poll, the others
+// - A unit's failure (gone, silent, not the one asked for, its recording not writable, too slow) concerns that unit alone as
+//   long as another is left: it drops out, which is journalled and reported, and the others go on. The last one fails the run.
+//   Whatever the table does concerns all.
+// - Every living lane is read in every turn of the loop. The run waits for the first, up to the next poll, and reads the others
 //   without waiting. Silence is judged lane by lane.
-// - A dwell is complete when it is in every living lane. A defect in one repeats it for all, at once; a lane whose own defects
+// - A dwell is complete when it is complete in every living lane. A defect in one repeats it for all, at once; a lane whose own defects
 //   have used up dwell.max_repeats drops out instead, and the attempt goes on for the others. A table that moved repeats the
 //   dwell as long as one living lane has a repeat left.
-// - Units whose samples come a few samples apart need no care: the settle time lies between a move and a dwell. One that has
-//   fallen behind the others by more than half of it since the move began is waited for before the dwell, imu.timeout_s
-//   at most: a counter that is short may not tell what was lost.
+// - Units whose samples come a few samples apart need no care: the settle time lies between a move and a dwell. A unit that has
+//   fallen behind the others by more than half of it since the move began is waited for before the dwell, at most imu.timeout_s,
+//   because a short counter may not tell what was lost.
 //
 // One thread, but for the queue's; only the counts of StationHooks may be touched by others.
 #pragma once
@@ -71,10 +71,10 @@ namespace turncal {
 
 struct StationDevices {
   Turntable& table;
-  ImuSource& imu;  // of the first place; a run of several units is given each of them
+  ImuSource& imu;  // of the first place; a run of several units has one source each
   const Clock& clock;
   std::function<void(double seconds)> wait;  // lets time pass while the IMU cannot be read
-  ChamberKeeper* chamber = nullptr;          // about the unit; null: none, or the run leaves it alone
+  ChamberKeeper* chamber = nullptr;          // around the unit; null: none, or the run leaves it alone
 };
 
 // REQUIRES: plan == make_plan(sequence, plan_limits(station, period of the IMU)) and plan.ok().
@@ -82,8 +82,8 @@ struct StationJob {
   const Sequence& sequence;
   const Plan& plan;
   const StationConfig& station;
-  std::optional<ResumePoint> resume = std::nullopt;  // the sinks then hold everything up to there
-  bool taken_up = false;  // somebody goes on with an interrupted run: a fault that a drive still shows is cleared
+  std::optional<ResumePoint> resume = std::nullopt;  // the sinks then hold everything up to that point
+  bool taken_up = false;  // resumes an interrupted run: a fault that a drive still shows is cleared
   std::optional<double> temperature_c = std::nullopt;  // of the chamber, where there is one
 };
 
@@ -91,12 +91,11 @@ struct RunOutcome {
   RunState state = RunState::failed;
   Error error{ErrorKind::internal, "the run did not end"};  // meaningful unless done
   int repeated_dwells = 0;
-  int repeated_moves = 0;           // of this session
-  bool moved = false;               // the table was homed or sent somewhere
-  std::optional<TableStatus> left;  // as every axis read when it was verified that it rests with its drives off
-  bool stop_failed = false;         // could not be verified in its time: the table may move, its drives may be on
-  bool storage_hangs =
-      false;  // what was handed to the queue is not all done: journal and recordings must not be touched
+  int repeated_moves = 0;              // of this session
+  bool moved = false;                  // the table was homed or sent somewhere
+  std::optional<TableStatus> left;     // last reading of every axis, verified at rest with its drive off
+  bool stop_failed = false;            // not verified in time: the table may move, its drives may be on
+  bool storage_hangs = false;          // the queue is not empty: journal and recordings must not be touched
   struct Unit : RecordingPoint {       // where its recording ends
     std::optional<Error> dropped_out;  // before the end
   };
@@ -106,24 +105,24 @@ struct RunOutcome {
 struct StationHooks {
   std::vector<RunObserver*> observers;              // called in the loop: they must not block
   const std::atomic<int>* stop_requests = nullptr;  // counts the requests to stop now
-  // After the recording is sealed; results must be durable on success. RunOutcome, here and below: how far the run has come.
+  // Called after the recording is sealed; results must be durable on success. RunOutcome, here and below: how far the run has come.
   std::function<Status(const RunOutcome&)> calibrate;
   RunJournal* journal = nullptr;
-  const std::atomic<int>* pause_requests = nullptr;  // above 0: stop at the next safe point
+  const std::atomic<int>* pause_requests = nullptr;  // when above 0, the run stops at the next safe point
   const std::atomic<int>* end_requests = nullptr;    // those of stop_requests that the operator did not make
-  // Of the contents of the recordings, by unit, when nothing more comes: what the journal keeps before they are sealed.
+  // Returns hashes of the recordings' contents, by unit, once they are complete; the journal keeps them before the recordings are sealed.
   std::function<Result<std::vector<std::string>>(const RunOutcome&)> content_hashes = nullptr;
-  // Asked after every completed dwell, again and again until it answers: which item comes next. next_item is the one that the plan
-  // has there; a later one leaves out what lies between, items.size() ends the run, an earlier one repeats the dwell. Before it answers it
-  // may put further steps behind those of sequence and plan. Samples are read and the table is watched between two calls.
+  // Called after every completed dwell until it answers: which item comes next. next_item is the plan's. A later one skips
+  // what lies between, items.size() ends the run, an earlier one repeats the dwell. Before it answers it may append steps to
+  // sequence and plan. Between two calls samples are read and the table is watched.
   std::function<Result<std::optional<std::size_t>>(std::size_t next_item, const RunOutcome&)> go_on_with = nullptr;
-  // Whether what is written beside the recordings is still where and as it was written; asked by the queue every second.
+  // Checks that the files written beside the recordings are still in place and unchanged; the queue calls it every second.
   std::function<Status()> check_kept = nullptr;
-  // Writes journal and recordings, in the order of what happens. Null: within the loop, for simulated time. Journal and sinks outlive it.
+  // Writes journal and recordings, in order. Null: within the loop, for simulated time. Journal and sinks outlive it.
   BackgroundQueue* storage = nullptr;
 };
 
-// Why something was given up: told to end from outside, or stopped by the operator.
+// Returns why something was given up: ended from outside, or stopped by the operator.
 Error asked_to_stop(bool ended);
 
 class StationRun {
@@ -135,22 +134,22 @@ class StationRun {
   RunOutcome outcome() const;  // so far
   using MaybeEvent = std::optional<RunEvent>;
 
-  // One event, and those that its action raises.
+  // Handles one event, and the events that its actions raise.
   void handle(RunEvent event);
-  MaybeEvent take(RunEvent now);  // one; the event that its action raises
+  MaybeEvent take(RunEvent now);  // handles one; returns the event that its action raises
   MaybeEvent perform(RunAction action, RunEvent cause);
-  // An event together with why: the first reason of a failing run is the one reported.
+  // Raises an event with its reason. A failing run reports its first reason.
   RunEvent raise(RunEvent event, const Error& why);
   RunEvent raise(RunEvent event, const std::string& reason) { return raise(event, device_error(reason)); }
-  MaybeEvent fault_of(const std::optional<std::string>& said);  // of the table; nothing was said: none
-  // The table refused or failed. A driver that gave up because the operator asked for it, or is gone, is no fault of the table.
+  MaybeEvent fault_of(const std::optional<std::string>& said);  // table_fault with that text; none without one
+  // The table refused or failed. A driver that gave up because the operator asked it to, or is gone, is no fault of the table.
   RunEvent raise_table(RunEvent event, const Error& error, const std::string& before = "");
-  MaybeEvent taken(const Status& command, const std::string& what);  // by the table; "homing: "
-  // Of one unit: it drops out, or the run fails with it where no other is left.
+  MaybeEvent taken(const Status& command, const std::string& what);  // error from the table; `what`: "homing: "
+  // Fails one unit: it drops out, or the run fails with it when no other is left.
   MaybeEvent fail(UnitLane& lane, RunEvent event, const Error& error);
-  // A step of the recording, in every living lane, waited for; `event` where it fails.
+  // Takes a step of the recording in every living lane and waits for it; returns `event` where it fails.
   MaybeEvent in_every_lane(RunEvent event, const std::function<UnitLane::Write(UnitLane&)>& step);
-  RunEvent not_stored() const;  // the event of a recording or a journal that cannot be written, as the state has it
+  RunEvent not_stored() const;  // the event for a failed write, depending on the state
   bool asked_to_stop_anew() const { return hooks_.stop_requests && hooks_.stop_requests->load() > stops_seen_; }
   bool in(StateSet states) const { return states.contains(state_); }
   template <class Holds>
@@ -159,19 +158,19 @@ class StationRun {
   }
   std::string named(const UnitLane& lane, const std::string& text) const;  // "unit SN2: ..." where there are several
 
-  MaybeEvent asked();     // what is newly asked for from outside
+  MaybeEvent asked();     // requests newly come from outside
   RunEvent raise_stop();  // by the operator, or from outside
   RunEvent pause();       // here and now
   bool pause_asked() const { return hooks_.pause_requests && hooks_.pause_requests->load() > 0; }
 
   void resume_at(const ResumePoint& resume);
   bool table_stands() const;              // every axis, by the last status read
-  MaybeEvent kept(const Status& status);  // of the journal or the recording
-  // Hands a write to the queue and waits until it is done. An event: it failed, or something else came first.
+  MaybeEvent kept(const Status& status);  // of journal or recording
+  // Hands a write to the queue and waits for it. Returns an event when it failed, or when something else came first.
   MaybeEvent keep(std::function<Status()> write);
   MaybeEvent journalled(std::function<Status(RunJournal&)> write);  // likewise, where there is a journal
-  MaybeEvent look_at_storage();                                     // it answers, and what was written is kept
-  MaybeEvent look_around();  // while that is waited for: stop requests, units, the table, the disk
+  MaybeEvent look_at_storage();                                     // it answers, and what was written is still there
+  MaybeEvent look_around();  // while keep() waits: stop requests, units, table, disk
 
   MaybeEvent connect();
   MaybeEvent enable_and_home();
@@ -180,7 +179,7 @@ class StationRun {
   MaybeEvent begin_rest();
   MaybeEvent settle_again(bool in_place);
   MaybeEvent select_next();
-  MaybeEvent leave_out();  // what need not be done any more
+  MaybeEvent leave_out();  // skips items that are not needed any more
   MaybeEvent issue_move();
   MaybeEvent close_move();
   MaybeEvent begin_dwell();
@@ -191,16 +190,16 @@ class StationRun {
   MaybeEvent finish_step();
   MaybeEvent calibrate();
   MaybeEvent stop_table();
-  // What a braking stop may take: twice the ramp of the plan's fastest move, and motion.stall_s.
+  // Returns the time allowed for a braking stop: twice the ramp of the plan's fastest move, plus motion.stall_s.
   double brake_s() const;
 
-  void receive_meanwhile();  // what the units send while the table's answer is awaited
+  void receive_meanwhile();  // reads the units while the table's answer is awaited
   MaybeEvent pump();         // reads the IMU until the next poll is due
   UnitLane* lead();          // the lane that the run waits for; null: none is open
-  MaybeEvent record_all();   // what the lanes have received; is the dwell complete?
+  MaybeEvent record_all();   // records what the lanes have received; is the dwell complete?
   MaybeEvent record(UnitLane& lane);
-  bool apart() const;                      // a unit's samples are so late that some may be from the move
-  MaybeEvent receive_all(UnitLane& lane);  // that has arrived, without waiting for more
+  bool apart() const;                      // a unit is so late that its next samples may still belong to the move
+  MaybeEvent receive_all(UnitLane& lane);  // all that has arrived, without waiting for more
   MaybeEvent catch_up();                   // with the samples that have arrived, without waiting for more
   MaybeEvent poll();                       // reads the table and judges
   MaybeEvent read_table();                 // three tries; e-stop, faults and limits while live
@@ -208,7 +207,7 @@ class StationRun {
   MaybeEvent judge_dwell();
   std::vector<const FeltRate*> felt() const;  // of each unit that is alive
   MaybeEvent judge_move();
-  MaybeEvent judge_motion();  // axes that turn although nothing sent them, or faster than they were
+  MaybeEvent judge_motion();  // axes that turn although not sent, or faster than sent
   MaybeEvent judge_defect(UnitLane& lane, const DwellMonitor::Defect& defect);
   MaybeEvent judge_homing(double now_s);
   MaybeEvent judge_stop(double now_s);
@@ -216,7 +215,7 @@ class StationRun {
   bool chamber_rests() const;  // off and read back, or none
   void leave_chamber();
   void schedule_poll(double now_s);
-  void hold();  // from here on the axes stay where they were last seen, but for the one that is sent
+  void hold();  // from now on the axes stay where they were last seen, except the one that is sent
 
   void begin_segment(SegmentKind kind);
   MaybeEvent end_segment(SegmentKind kind);
@@ -234,7 +233,7 @@ class StationRun {
   std::vector<UnitLane> lanes_;
 
   RunState state_ = RunState::idle;
-  RunOutcome outcome_;  // so far, but for its state, its error and its units
+  RunOutcome outcome_;  // so far, without state, error and units
   std::optional<Error> first_error_;
   std::string detail_;  // of the event to be handled next
   ErrorKind raised_kind_ = ErrorKind::internal;
@@ -248,7 +247,7 @@ class StationRun {
 
   std::size_t item_ = 0;           // the next item of the plan, or the one going on
   std::size_t step_ = 0;           // index into sequence.steps
-  std::size_t asked_of_item_ = 0;  // whether it, or a later one, comes next
+  std::size_t asked_of_item_ = 0;  // item for which go_on_with has answered
   bool item_running_ = false;      // plan.items[item_] is going on (not: a move back to where the table should stand)
   std::optional<Move> pending_move_;
   AxisTriple commanded_deg_;
@@ -268,15 +267,15 @@ class StationRun {
 
   TableStatus status_{};
   double started_s_ = 0.0;
-  std::optional<PendingWrite> check_;  // that goes on
+  std::optional<PendingWrite> check_;  // the check under way
   double next_check_s_ = 0.0;
   double next_poll_s_ = 0.0;
   double phase_deadline_s_ = 0.0;
   double rest_until_s_ = 0.0;
   double rest_began_s_ = 0.0;
-  double chamber_until_s_ = 0.0;  // told to go off: then it counts as not verified
+  double chamber_until_s_ = 0.0;  // told to go off: then the switch-off counts as not verified
   bool unread_ = false;
-  bool angles_known_ = false;  // all were read once
+  bool angles_known_ = false;  // all axes were read at least once
 };
 
 }  // namespace turncal

@@ -1,5 +1,5 @@
-// The eyes of a run. The table: polling it, and what is made of that. The units: reading them, what is made of their samples, and what becomes
-// of one that fails.
+// Watches table and units for a run: polls the table and judges it; reads the units, judges their samples, and drops
+// those that fail.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -28,23 +28,23 @@ StationRun::MaybeEvent StationRun::poll() {
   const double now_s = devices_.clock.now_s();
   MaybeEvent event = read_table();
   if (state_ == RunState::stopping) {
-    detail_.clear();  // a link that fails now is no new reason
+    detail_.clear();  // a link that fails now is not a new reason
     event = judge_stop(now_s);
   } else if (!event) {
     event = judge(now_s);
   }
-  // A line that takes longer to ask than the time between two polls must not keep the unit from being read.
+  // Timed from now, so that a slow line never keeps the units from being read.
   schedule_poll(devices_.clock.now_s());
   return event;
 }
 
-// A table that turns by itself does not wait for the commanded axis to stall. A person who turns it may touch any axis.
+// Judges the motion without waiting for the commanded axis to stall. A person who turns the table may touch any axis.
 StationRun::MaybeEvent StationRun::judge_motion() {
   if (devices_.table.needs_operator() || state_ == RunState::parking) return std::nullopt;
   const bool searches = state_ == RunState::homing;
   const std::optional<Move> move = in({RunState::moving, RunState::settling}) ? arrival_.move() : std::nullopt;
   const double tolerance_deg = job_.station.motion.position_tolerance_deg;
-  // A slip is put right by a move, but not while another move goes on or the table rests.
+  // A slip is corrected by a move, but not during another move or rest.
   const bool put_right = !move && state_ != RunState::resting;
   const double standing_deg = put_right ? least_runaway_deg(tolerance_deg) : tolerance_deg;
   auto said = searches ? std::nullopt : stray_axis(status_, held_deg_, move, standing_deg, tolerance_deg);
@@ -77,7 +77,7 @@ StationRun::MaybeEvent StationRun::judge(double now_s) {
   }
   const MaybeEvent event = arrival_.update(status_, now_s);
   if (event == RunEvent::settled) {
-    // What the unit sent while the table still turned belongs to the move, not to the dwell that follows.
+    // Samples sent while the table still turned belong to the move, not to the next dwell.
     if (const MaybeEvent late = catch_up()) return late;
     if (!unit_awaited_) await_until_s_ = now_s + job_.station.imu_timeout_s;
     unit_awaited_ = recording_ && apart() && now_s < await_until_s_;
@@ -138,7 +138,7 @@ StationRun::MaybeEvent StationRun::judge_homing(double now_s) {
   if (!home_sent_ && table_stands()) return send_home();
   for (Axis axis : all_axes) {
     const AxisStatus& status = status_[index(axis)];
-    // home() found it on.
+    // home() found the drive on.
     if (home_sent_ && !status.enabled) return raise(RunEvent::table_fault, trouble_of(axis, status, true));
   }
   if (homing_)
@@ -155,7 +155,7 @@ StationRun::MaybeEvent StationRun::judge_homing(double now_s) {
 
 StationRun::MaybeEvent StationRun::judge_dwell() {
   bad_lane_ = nullptr;
-  // A slip is put right and the dwell repeated. An axis that reads further away turns by itself, or its encoder lost count: no move back.
+  // A slip is corrected and the dwell repeated. An axis that reads further away turns by itself, or its encoder lost count: no move back.
   if (!devices_.table.needs_operator()) {
     const double slip_deg = least_runaway_deg(job_.station.motion.position_tolerance_deg);
     const auto stray = stray_axis(status_, dwell_start_deg_, std::nullopt, slip_deg, slip_deg);
@@ -172,7 +172,7 @@ StationRun::MaybeEvent StationRun::judge_dwell() {
   }
   if (devices_.clock.now_s() <= phase_deadline_s_) return std::nullopt;
   for (UnitLane& lane : lanes_) {
-    // A table that answers late holds up the count, not the unit.
+    // A table that answers late delays the count, not the unit.
     if (!lane.alive() || lane.dwell_received()) continue;
     const Error slow = device_error("the IMU's samples come too slowly for its period" + lane.came_instead());
     if (const MaybeEvent event = fail(lane, RunEvent::deadline, slow)) return event;
@@ -204,7 +204,7 @@ StationRun::MaybeEvent StationRun::look_at_chamber() {
   return raise(RunEvent::chamber_fault, fault);
 }
 
-// What no stop has switched off: a run that ended before its table was used.
+// Switches the chamber off when no stop has done so: the run ended before it used the table.
 void StationRun::leave_chamber() {
   if (!devices_.chamber || !devices_.chamber->is_connected() || chamber_rests()) return;
   if (chamber_until_s_ > 0.0 && devices_.clock.now_s() > chamber_until_s_) return;
@@ -238,7 +238,7 @@ bool StationRun::out_of_tolerance(Axis axis, double from_deg) const {
 StationRun::MaybeEvent StationRun::fail(UnitLane& lane, RunEvent event, const Error& error) {
   const bool others = any_living([&lane](const UnitLane& other) { return &other != &lane; });
   const bool going_on = in(live_states) || in({RunState::connecting, RunState::calibrating});
-  // Of a run of several the last one: whatever it was, all have dropped out.
+  // The last of several units: all have dropped out, for whatever reason.
   if (!others || !going_on)
     return raise(event, {lanes_.size() > 1 ? ErrorKind::device : error.kind, named(lane, error.message)});
   const Error why{error.kind, place() + ": " + error.message};
@@ -302,7 +302,7 @@ StationRun::MaybeEvent StationRun::pump() {
   auto count = std::size_t(std::max(1.0, std::ceil((wanted_s - time_slack_s) / period_s)));
   if (state_ == RunState::dwelling) count = std::min(count, std::size_t(lead_lane->dwell_remaining()));
   count = std::clamp<std::size_t>(count, 1, read_samples);
-  // Half a period more, so that rounding cannot cost a sample.
+  // Half a period more, so that rounding costs no sample.
   const Result<std::size_t> got = lead_lane->receive(count, (double(count) + 0.5) * period_s);
   if (!got) return fail(*lead_lane, RunEvent::imu_lost, got.error());
   if (*got > 0) lead_lane->heard(devices_.clock.now_s());
@@ -360,7 +360,7 @@ StationRun::MaybeEvent StationRun::record_all() {
     if (const MaybeEvent event = record(lane)) return event;
   if (state_ != RunState::dwelling) return std::nullopt;
   if (any_living([](const UnitLane& lane) { return !lane.dwell_complete(); })) return std::nullopt;
-  // The last word on whether the table stood still is the table's.
+  // The table decides last whether it stood still.
   if (const MaybeEvent event = read_table()) return event;
   if (const MaybeEvent event = judge_dwell()) return event;
   return RunEvent::dwell_complete;
@@ -379,7 +379,7 @@ StationRun::MaybeEvent StationRun::record(UnitLane& lane) {
                                " while the table turned, before sample " + std::to_string(lane.next_sample())));
 }
 
-// Settled, but what the unit sent of the way is not whole. A lane that has no repeat left drops out, and the others do not repeat it.
+// Judges the samples of a move that has settled. A lane with lost samples and no repeat left drops out, and the others do not repeat the move.
 StationRun::MaybeEvent StationRun::judge_move() {
   if (!item_running_) return std::nullopt;
   const std::string what =

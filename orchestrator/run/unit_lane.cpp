@@ -80,7 +80,7 @@ Result<std::size_t> UnitLane::receive(std::size_t count, double timeout_s) {
     open_ = false;
     return got;
   }
-  // A sample that came twice is dropped here; the recording wants counters that increase.
+  // Repeated samples are dropped, because counters in a recording must increase.
   std::size_t kept = before;
   for (std::size_t i = before; i < before + *got; ++i) {
     if (last_received_ && waiting_[i].counter <= *last_received_) {
@@ -131,7 +131,7 @@ Result<UnitLane::Recorded> UnitLane::record(bool dwelling, BackgroundQueue& stor
   const std::optional<Segment> begun = segment_written_ ? std::nullopt : segment_;
   segment_written_ = true;
   if (gap_due_) {
-    // One sample stands for all that was missed: the unit's counter may have begun anew, and the table is back where it was.
+    // A gap of one sample stands for everything missed: the unit's counter may have restarted, and the table is back where it was.
     ++next_sample_;
     first_counter_ = samples.front().counter - next_sample_;
     gap_due_ = false;

@@ -1,13 +1,13 @@
 // One unit of a run: its source, its recording, and everything that is counted for it alone. The motion, the table and the
 // state machine are StationRun's, which may have several lanes on one table.
 //
-// - What the source gives is received at once and waits here until it is taken, so that no line overflows because of another
-//   unit. Samples that came twice are dropped when they are received; two of one counter that differ are a defect of what goes on.
+// - Samples are received as soon as the source gives them, and wait here until they are taken, so that no line overflows because of another
+//   unit. Repeated samples are dropped on reception; two samples of one counter that differ are a defect of the present item.
 // - A dwell takes exactly the planned number of samples in every lane, counted from where the lane stood when it began. Units
-//   whose samples come a little apart are complete a little apart; what comes meanwhile waits for the next segment.
+//   whose samples come at slightly different times complete it at different times; further samples wait for the next segment.
 // - A lane that drops out is closed and does nothing any more. Its recording keeps its partial name.
-// - Samples are handed to the queue as they are taken, and not waited for; that they could not be written is told by the next call.
-//   The other steps of a recording are given back as writes, for the run to have done and to wait for.
+// - Samples are handed to the queue as they are taken, without waiting; the next call reports that they could not be written.
+//   The other steps of a recording are returned as writes, which the run has done and waits for.
 //
 // Counters here are those of the recording (0: its first sample) unless they are said to be the unit's own. One thread.
 #pragma once
@@ -37,8 +37,8 @@ namespace turncal {
 
 struct StationUnit {
   ImuSource& imu;
-  std::vector<RunSink*> sinks;  // are told in this order; the first keeps the recording
-  std::string serial;           // as asked for; a unit that tells another one is refused
+  std::vector<RunSink*> sinks;  // called in this order; the first keeps the recording
+  std::string serial;           // requested; a unit that reports another one is refused
 };
 
 class UnitLane {
@@ -52,13 +52,13 @@ class UnitLane {
   void drop(Error why);
   void close();
 
-  // Goes on after a completed dwell. No time passed: the unit's next sample is the recording's next.
+  // Resumes after a completed dwell. no_time_passed: the unit's next sample is the recording's next.
   void resume_at(const RecordingPoint& left, bool no_time_passed);
   void expect_gap() { gap_due_ = true; }  // the next recorded sample is the first after an interruption
-  RecordingPoint point() const;           // without `written`, which the sink tells when everything up to here is
+  RecordingPoint point() const;           // without `written`, which the sink knows once everything so far is written
   std::uint64_t lost_samples() const { return lost_samples_; }
   std::int64_t next_sample() const { return next_sample_; }
-  std::int64_t came_in_segment() const { return next_sample_ - came_before_; }  // periods, of what was taken
+  std::int64_t came_in_segment() const { return next_sample_ - came_before_; }  // in sample periods
 
   // Opens the source. Returns how the unit describes itself.
   Result<std::string> connect(const StationConfig& station, bool table_simulated, const Clock& clock);
@@ -66,12 +66,12 @@ class UnitLane {
   bool is_open() const { return open_; }
   double sample_period_s() const { return info_.sample_period_s; }
 
-  // Reads up to `count` samples. Error: the unit is gone, and the lane closed. Returns how many came, those that came twice too.
+  // Reads up to `count` samples and returns how many came, repeated ones included. An error: the unit is gone, and the lane is closed.
   Result<std::size_t> receive(std::size_t count, double timeout_s);
-  // What has arrived, without waiting, while the run is busy with the table: an error is kept for the run, which asks for trouble().
+  // Receives what has arrived, without waiting, while the run is busy with the table. An error is kept for trouble().
   void receive_meanwhile(double now_s);
   const std::optional<Error>& trouble() const { return trouble_; }
-  std::optional<double> temperature_c() const {  // by the unit's own thermometer, as last received
+  std::optional<double> temperature_c() const {  // the unit's own thermometer, last reading
     const double c = have_last_sample_ ? last_sample_.temperature_c : std::numeric_limits<double>::quiet_NaN();
     return std::isfinite(c) ? std::optional(c) : std::nullopt;
   }
@@ -82,24 +82,24 @@ class UnitLane {
   struct Recorded {
     std::optional<DwellMonitor::Defect> defect;  // while dwelling
     bool gap = false;                            // samples are missing among these
-    bool flagged = false;  // by the unit, as bad; two samples that contradict each other; one that cannot be
+    bool flagged = false;  // flagged as bad by the unit, contradictory samples, or an impossible value
     std::string what = "the unit flagged its data as bad";  // of flagged
   };
-  // What waits goes into the open segment, in a dwell no more than it needs; outside a segment it is dropped. Error: the
+  // Moves waiting samples into the open segment, in a dwell no more than it needs; outside a segment they are dropped. An error: the
   // recording cannot be written.
   Result<Recorded> record(bool dwelling, BackgroundQueue& storage);
 
-  // Where the recording stands. A segment in which no sample came (units a little apart, a defect in another one's first sample)
-  // is not written: the recording begins it with its first sample.
+  // Begins a segment at the present sample. The recording gets it with its first sample, so a segment without samples (units slightly apart,
+  // a defect in another one's first sample) is not written.
   void begin_segment(const Segment& segment);
   void leave_segment() { segment_.reset(); }  // what comes from now on is not recorded
   Write end_segment(SegmentKind kind, const AxisTriple& angles_deg);
   void begin_dwell(std::int64_t samples) { dwell_->start(next_sample_, samples); }
   bool dwell_complete() const { return dwell_->complete(); }
   std::int64_t dwell_remaining() const { return dwell_->remaining(); }
-  // With what waits to be taken: it came while the table's answer was awaited.
+  // Counts the samples that wait to be taken, too: they came while the table's answer was awaited.
   bool dwell_received() const { return std::int64_t(waiting_.size()) >= dwell_remaining(); }
-  // "; 812 bad frames came: ...": why no sample may have come of what did; empty: nothing did.
+  // Returns why samples may be missing: "; 812 bad frames came: ..."; empty without bad frames and repeated samples.
   std::string came_instead() const;
   Write sync() const { return stored(&RunSink::sync); }
   Write finish() const { return stored(&RunSink::finish); }
@@ -114,11 +114,11 @@ class UnitLane {
   FeltRate& felt() { return *felt_; }  // REQUIRES connect()
   const FeltRate& felt() const { return *felt_; }
 
-  int repeats = 0;           // of the present dwell, that this unit or the table made necessary
+  int repeats = 0;           // of the present dwell, caused by this unit or the table
   bool motion_lost = false;  // samples lost or flagged in the present move
 
  private:
-  // The first failure to write, which stands in for every later write. Shared with the storage queue's thread.
+  // The first failed write; its status stands in for every later write. Shared with the storage queue's thread.
   struct Stored {
     std::atomic<bool> failed{false};
     Status status;  // written before `failed`
@@ -140,12 +140,12 @@ class UnitLane {
   bool gap_due_ = false;
   std::optional<std::int64_t> last_received_;  // the unit's own
   ImuSample last_sample_{};                    // with that counter, as it came
-  bool have_last_sample_ = false;              // not after a run was taken up
-  std::optional<std::int64_t> conflict_;       // two samples of this counter that differ, not yet told
+  bool have_last_sample_ = false;              // false after a run was taken up
+  std::optional<std::int64_t> conflict_;       // counter of two samples that differ, not yet reported
   std::optional<std::int64_t> first_counter_;  // the unit's own, of the recording's first sample
   std::int64_t next_sample_ = 0;
-  std::optional<std::uint32_t> resumed_written_;  // what the recording must be
-  std::int64_t came_before_ = 0;                  // the segment began: what was recorded, and what waited
+  std::optional<std::uint32_t> resumed_written_;  // hash that the recording must have
+  std::int64_t came_before_ = 0;                  // samples recorded or waiting when the segment began
   std::uint64_t lost_samples_ = 0;                // by the unit's counter, from the first recorded sample on
   std::uint64_t duplicate_samples_ = 0;           // dropped
   double last_sample_s_ = 0.0;
