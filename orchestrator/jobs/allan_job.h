@@ -1,8 +1,8 @@
-// The noise of a unit at rest: from what was recorded to what is said of it (docs/allan.md).
+// The Allan analysis of a unit at rest, from a recording to the report (docs/allan.md).
 //
-// Read are a recording without segments, whole, or the rests of one that has them; samples that are marked as bad, that stand
-// out from their neighbours (data_screen.h) or that no unit can have felt are left out and counted. Errors: less than 10 s at rest, a unit that moves (0.02 rad/s, 0.5 m/s^2 between the means of two seconds), a channel
-// that feels nothing.
+// Reads a recording without segments as a whole, or the rests of a recording with segments. Samples that are marked as bad, stand out from
+// their neighbours (data_screen.h) or are physically impossible are left out and counted. Errors: less than 10 s at rest; a unit that moves
+// (the mean of a second differs from the first one's by 0.02 rad/s or 0.5 m/s^2); a channel that senses nothing.
 #pragma once
 
 #include <string>
@@ -14,7 +14,7 @@
 namespace turncal {
 
 struct AllanRequest {
-  std::string source;   // a recording; with a map any table of numbers
+  std::string source;   // a recording or, with a map, any table of numbers
   std::string map;      // file (csv_map_import.h); empty: none
   std::string against;  // another source, or a parameter file (.conf), shown beside it; empty: nothing
 };

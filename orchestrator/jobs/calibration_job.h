@@ -1,6 +1,6 @@
-// From a recording to a parameter file: the estimate of one, or of several of one unit.
+// Calibrates from recordings: one, or several of one unit, give a parameter file.
 //
-// And to verdict, report and files of a diagnosis: the one place where a diagnosis is called, by `turncal diagnose` and at the end of
+// Diagnoses them: verdict, report and files. This is the only place where a diagnosis is called, for `turncal diagnose` and at the end of
 // every run.
 #pragma once
 
@@ -23,10 +23,10 @@
 
 namespace turncal {
 
-// What is said of a recording turned by hand, which has no other mark (segmentation.h, without_table_angles).
+// Description of a recording turned by hand, which has no other mark (segmentation.h, without_table_angles).
 inline constexpr const char* no_table_angles = "all table angles are 0, as of a unit turned by hand";
 
-// A recording read once, from its beginning, into the sufficient statistics that calibration and diagnosis both start from.
+// A recording read once, from the start, into the sufficient statistics that calibration and diagnosis begin with.
 struct LoadedRecording {
   std::string path;
   CompressedRecording data;
@@ -35,67 +35,67 @@ struct LoadedRecording {
   double recorded_s = 0.0;   // of all its segments
   bool by_hand = false;      // no table angles
   std::string dead_channel;  // data_screen.h
-  std::string segmented;     // how, where it came without segments; empty: it came with its own
+  std::string segmented;     // how it was segmented; empty: it came with its own segments
 };
 
-// The rests of data without a table (segmentation.h); an error where there are none.
+// Finds the rests of data without a table (segmentation.h); an error when there are none.
 Result<Segmentation> find_rests(RecordingSource& source, const SegmentationOptions& options = {});
 
-// A recording without segments is segmented by its rests. Blocks as short as the recording needs: those of rests found by hand where it has
-// no table angles. `progress`, if given, is told the number of samples read so far; `blocks`: others; `before_step`: what later steps
-// recorded is left out (0: nothing is).
+// Loads a recording; one without segments is segmented by its rests. By default its blocks are those of hand-turned data where there are no
+// table angles. `progress`, if given, gets the number of samples read so far; `blocks`: other block lengths; `before_step`: this and later steps
+// are left out (0: none is).
 Result<LoadedRecording> load_recording(RecordingSource& source, const std::function<void(std::int64_t)>& progress = {},
                                        const std::optional<CompressionOptions>& blocks = {}, int before_step = 0);
 Result<LoadedRecording> load_recording(const std::string& path, const std::function<void(std::int64_t)>& progress = {},
                                        const std::optional<CompressionOptions>& blocks = {}, int before_step = 0);
 
-// An error when there is nothing to calibrate from: a channel that does not live, units that are
-// plainly wrong, not one whole second at rest.
+// Returns an error when the data cannot be calibrated: a dead channel, units that are plainly wrong, or less than one
+// whole second at rest.
 Status check_data(const LoadedRecording& loaded);
 
-// What --method may be; the first one is the default. joint: least squares over every static second, any sequence, with
+// The values of --method; the first is the default. joint: least squares over every static second, any sequence, with
 // standard deviations. closed-form: the fourteen steps of Wang (2020).
 inline constexpr const char* calibration_methods[] = {"joint", "closed-form"};
 
-// What a recording without table angles is calibrated by, whatever joint asks for: its rests (calib/rests/rest_model.h).
+// The method for a recording without table angles, even when joint is asked for: its rests (calib/rests/rest_model.h).
 inline constexpr const char* rest_method = "rests";
 
 struct CalibrationRequest {
   std::string method = calibration_methods[0];
   std::string time_utc = {};  // for the record
-  // Accept parameters that the recording does not determine: `quality.undetermined`, and the file is not trusted.
+  // Accepts parameters that the recording does not determine: `quality.undetermined`, and the file is not trusted.
   bool partial = false;
-  bool test_fit = true;                  // by the lack-of-fit tests; false where a diagnosis follows, which makes them
+  bool test_fit = true;                  // run the lack-of-fit tests; false when a diagnosis follows, which runs them
   std::optional<Parameters> known = {};  // from another recording of the unit (several_recordings.h, estimate_beside)
 };
 
 struct CalibrationOutput {
   ParameterFile file;
   std::optional<double> mean_temperature_c;
-  std::optional<double> min_temperature_c, max_temperature_c;  // of the blocks of a few samples up to a second
-  std::vector<std::string> notes;  // for the operator: what the data lacked, how the solution went
-  std::optional<JointResult> fit;  // of the joint estimate: what a diagnosis begins with
-  std::string distrust;  // distrust_of(); the file is not trusted without it where there is too little to judge
+  std::optional<double> min_temperature_c, max_temperature_c;  // over blocks of a few samples up to a second
+  std::vector<std::string> notes;  // for the operator: defects of the data, course of the solution
+  std::optional<JointResult> fit;  // joint estimate, from which a diagnosis begins
+  std::string distrust;  // distrust_of(); with too little data to judge it may be empty for a file that is not trusted
 };
 
-// record.measured_utc, where the recording says it and the file does not.
+// Adds record.measured_utc when the recording knows it and the file lacks it.
 void add_measured_utc(const RecordingInfo& info, ParameterFile& file);
 
-// Parameters stay open: of the kind of the verdict not_tested, so that one outcome has one exit code.
+// Returns the error for undetermined parameters. Its kind is that of the verdict not_tested, so that one outcome has one exit code.
 Error not_determined(const std::string& what);
 
-// Errors: kind input for a recording that cannot be calibrated, unit_failed when the solution does not settle, leaves parameters open,
-// or the data are plainly wrong (check_data).
+// Calibrates one recording. Errors: kind input when it cannot be calibrated; unit_failed when the solution does not converge, parameters stay
+// undetermined, or the data are plainly wrong (check_data).
 Result<CalibrationOutput> calibrate_recording(const LoadedRecording& recording, const CalibrationRequest& request);
 
-// One unit in several recordings (calib/joint/several_recordings.h): table data of one unit and one kind of increment, method joint.
+// Calibrates one unit from several recordings (calib/joint/several_recordings.h): table data, one kind of increment, method joint.
 Result<CalibrationOutput> calibrate_recordings(const std::vector<LoadedRecording>& recordings,
                                                const CalibrationRequest& request);
 
-// What speaks against the sigmas of a joint estimate; empty: nothing, or too little to judge by. The lack-of-fit tests take as long as the estimate.
+// Returns what speaks against the sigmas of a joint estimate; empty: nothing, or too little data. The lack-of-fit tests cost as much as the estimate.
 std::string distrust_of(const CompressedRecording& recording, const JointResult& result, bool test_fit = true);
 
-// What they leave for the fleet: all recordings of `output`, the joint estimate of them. Nothing without such an estimate.
+// Returns the statistics kept for the fleet: `output` is the joint estimate of all `recordings`. Empty without such an estimate.
 std::optional<UnitStatistics> statistics_of(const std::vector<LoadedRecording>& recordings,
                                             const CalibrationOutput& output);
 
@@ -103,10 +103,10 @@ struct DiagnosisRequest {
   std::string time_utc = {};  // for the record
   std::span<const LoadedRecording> holdouts = {};
   std::optional<NoiseModel> noise = {};  // given, not measured
-  const JointResult* base = nullptr;     // the joint estimate of this recording, where there is one already
-  std::string samples = {};  // path of what is navigated for it, of the holdout where there is one; empty: nothing is
-  bool of_run = false;       // the verdict on the unit is the run's to say
-  std::function<void(const std::string&)> phase = [](const std::string&) {};  // told what is going on
+  const JointResult* base = nullptr;     // the joint estimate of this recording, if there is one already
+  std::string samples = {};              // recording to navigate, the holdout if there is one; empty: none
+  bool of_run = false;                   // the verdict on the unit is left to the run
+  std::function<void(const std::string&)> phase = [](const std::string&) {};  // gets the name of each phase
 };
 
 struct DiagnosisOutput {
@@ -114,8 +114,8 @@ struct DiagnosisOutput {
   DiagnosisFiles files;
 };
 
-// Of one recording, or of several of one unit (calib/joint/several_recordings.h), which are of a table then.
-// Errors: kind input for recordings that cannot be diagnosed (together), unit_failed when the base model does not settle.
+// Diagnoses one recording, or several of one unit (calib/joint/several_recordings.h), which must then be table data.
+// Errors: kind input for recordings that cannot be diagnosed (together), unit_failed when the base model does not converge.
 Result<DiagnosisOutput> diagnose_recordings(std::span<const LoadedRecording> recordings,
                                             const DiagnosisRequest& request);
 

@@ -1,4 +1,4 @@
-// Where a command says things, and what it leaves as exit code.
+// Where a command prints, and the exit code that it leaves.
 #pragma once
 
 #include <algorithm>
@@ -10,9 +10,9 @@
 
 namespace turncal {
 
-// In front of every error; coloured on a terminal.
+// Prefix of every error; coloured on a terminal.
 inline constexpr const char* error_prefix = "turncal: ";
-// An error is one line, whatever it was made of.
+// Makes one line of a message: errors are printed on one line.
 inline std::string one_line(std::string text) {
   text.erase(text.find_last_not_of("\n ") + 1);
   std::ranges::replace(text, '\n', ' ');
@@ -24,16 +24,16 @@ struct CommandContext {
   std::ostream& err;
   bool out_is_terminal = false;
   int terminal_columns = 80;  // meaningful when out is a terminal
-  bool quiet = false;         // nothing is to be printed but errors
+  bool quiet = false;         // print errors only
   std::string tag = {};       // of errors: "[dry run] ", "[simulated] " or nothing
-  int exit_code = 0;          // what the command that ran has to say
+  int exit_code = 0;          // of the command that ran
 
-  // One line on err; sets the exit code.
+  // Prints one line on err and sets the exit code.
   void fail(const Error& error);
   void warn(const std::string& text) { err << tag << "warning: " << one_line(text) << std::endl; }
 };
 
-// What the program ends with for each kind of error. 0: all is well.
+// Returns the program's exit code for each kind of error. 0: success.
 constexpr int exit_code(ErrorKind kind) {
   switch (kind) {
     case ErrorKind::input: return 1;

@@ -25,7 +25,7 @@ const NeededSigma* worst_of(const std::vector<NeededSigma>& sigmas) {
   return found == sigmas.end() ? nullptr : &*found;
 }
 
-// Of the north seeking, or of the legs that were added before it: where what comes before ends.
+// Returns the first item of the north seeking or, of_legs, of the added legs before it.
 std::size_t first_item_of(const Run& run, bool of_legs) {
   const auto found = std::ranges::find_if(run.plan.items, [&](const PlannedItem& item) {
     return (run.verify_from > 0 && item.step >= run.verify_from) ||
@@ -34,7 +34,7 @@ std::size_t first_item_of(const Run& run, bool of_legs) {
   return std::size_t(found - run.plan.items.begin());
 }
 
-// Of which least is known. REQUIRES one.
+// Returns the unit of which least is known. REQUIRES that there is one.
 const KnownSoFar& least_known(const std::vector<KnownSoFar>& units) {
   return *std::ranges::max_element(units, {}, [](const KnownSoFar& unit) {
     const NeededSigma* const worst = unit.worst();
@@ -61,7 +61,7 @@ Segments takes_of_last(const Segments& segments, std::size_t dwells) {
     return segment.heading_deg == last.heading_deg && segment.pitch_deg == last.pitch_deg &&
            segment.roll_deg == last.roll_deg;
   };
-  Segments takes;  // in the last pose; a run that was taken up settles again between them
+  Segments takes;  // in the last pose; a resumed run settles again between them
   for (auto at = segments.rbegin(); at != segments.rend() && same_pose(*at); ++at)
     if (at->kind != SegmentKind::rotate) takes.insert(takes.begin(), *at);
   takes.erase(takes.begin(), takes.begin() + std::ptrdiff_t(std::min(takes.size(), dwells - 1)));
@@ -77,7 +77,7 @@ EnoughWatch::EnoughWatch(Run& run, std::deque<RecordingSink>& recordings, Backgr
       last_item_(first_item_of(run, false)) {}
 
 Result<std::optional<std::size_t>> EnoughWatch::go_on_with(std::size_t next_item) {
-  // Before the end something may be left out, at the end something added.
+  // Items may be skipped before the end, and added at the end.
   const bool ending = next_item == last_item_ && settling_left_s() > 0.0;
   if (!ending && !(run_.request.until_sigma && next_item < end_item_)) return std::optional(next_item);
   if (decided_) {
@@ -131,7 +131,7 @@ std::vector<KnownSoFar> EnoughWatch::estimate(std::size_t done_items) {
 double EnoughWatch::settling_left_s() const {
   double left_s = settling_allowed_s(run_);
   for (const Settling& one : run_.request.settled) left_s -= one.added_s;
-  // What could not be told apart is not asked again of the same samples.
+  // A doubt that no legs can settle is not judged again from the same samples.
   const bool found = run_.request.settled.empty() || !run_.request.settled.back().sequence.empty();
   return found && left_s >= least_settling_s ? left_s : 0.0;
 }
@@ -168,7 +168,7 @@ EnoughWatch::Look EnoughWatch::look(const RunUnit& unit, const Segments& without
   Result<LoadedRecording> loaded = load_recording(**source, {}, {}, run_.verify_from);
   if (!loaded) return {loaded.error(), loaded.error()};
   Result<CalibrationOutput> output = Error{ErrorKind::unit_failed, "the table has not turned yet"};
-  if (!loaded->by_hand)  // which it seems to be while all angles are 0
+  if (!loaded->by_hand)  // true as long as all angles are 0
     output = calibrate_recording(*loaded, {.partial = true, .test_fit = false});
   return {std::move(loaded), std::move(output)};
 }
@@ -177,7 +177,7 @@ bool EnoughWatch::disagrees(const Look& look) {
   return look.output.ok() && last_rest_disagrees(look.loaded->data, *look.output->fit);
 }
 
-// Of a dwell that was made more than once: the takes that disagree, if the last one does not when they are left out.
+// Returns the takes of a repeated dwell that disagree, provided that the last one agrees without them.
 Segments EnoughWatch::to_set_aside(const RunUnit& unit, const Segments& takes) const {
   Segments bad;
   for (const Segment& take : takes) {
@@ -195,7 +195,7 @@ KnownSoFar EnoughWatch::estimate(const RunUnit& unit, std::size_t done_items) {
     known.why_not = so_far.loaded.error().message;
     return known;
   }
-  std::size_t dwells = 0;  // of the plan, in the last pose
+  std::size_t dwells = 0;  // consecutive ones in the last pose
   while (dwells < done_items && run_.plan.items[done_items - 1 - dwells].kind == SequenceItem::Kind::dwell) ++dwells;
   const Segments takes = takes_of_last(so_far.loaded->data.segments, dwells);
   known.set_aside = to_set_aside(unit, takes);

@@ -1,17 +1,17 @@
-// One policy: a run goes on while what a minute more is expected to tell is worth it (docs/sequences.md). With --until-sigma the units are calibrated
-// after every completed dwell, by the same function and from the same samples as at the end; the rest of the plan is left out (but for its north seeking)
-// when every unit is known well enough, its fit passes its tests, and half an hour is recorded where the whole plan would get a diagnosis.
+// Decides what a run measures next: it goes on while what another minute is expected to tell is worth it (docs/sequences.md). With --until-sigma
+// every unit is calibrated after every completed dwell, as at the end. The plan, except its north seeking, is cut short when every unit is known
+// well enough, its fit passes its tests, and half an hour is recorded, if the whole plan would have been long enough for a diagnosis.
 //
-// A dwell that disagrees with all the others (calib/evidence/evidence.h) is made once more, dwell.max_repeats times. When the last take
-// agrees with all else, those that do not are set aside: they stay in the recording, marked, and no estimate uses them. Else all stay, and
-// the run goes on. Its end is predicted (calib/prediction/predict.h): at the soonest with the noise as it is fitted, at the latest with what
-// an instability that cannot be excluded yet adds, in proportion.
+// A dwell that disagrees with all the others (calib/evidence/evidence.h) is repeated, at most dwell.max_repeats times. If the last take agrees
+// with everything else, the takes that disagree are set aside: they stay in the recording, marked, and no estimate uses them. Otherwise all
+// stay, and the run goes on. Its end is predicted (calib/prediction/predict.h): the earliest from the fitted noise, the latest with the sigmas
+// scaled up by what a bias instability that cannot be excluded yet adds.
 //
-// At the end of what is calibrated from, a unit in doubt, or not known well enough, gets the shortest legs that are expected to settle it
-// (find_settling), within what is left of settling_allowed_s(); at their end it is asked again. What was found is a record `settle`, durable
-// before the plan is changed: a run that goes on after a kill walks the same legs.
+// At the end of the calibrating part a unit in doubt, or not known well enough, gets the shortest legs that are expected to settle it
+// (find_settling), within the rest of settling_allowed_s(); it is judged again at their end. The finding is a journal record `settle`, durable
+// before the plan is changed, so that a run resumed after a kill walks the same legs.
 //
-// The estimate runs in a thread of its own and is waited for, so that the answer depends on the samples alone.
+// The estimate runs in its own thread, and the run waits for it, so that the answer depends on the samples alone.
 #pragma once
 
 #include <deque>
@@ -35,44 +35,44 @@ namespace turncal {
 struct KnownSoFar {
   std::string unit;
   std::vector<NeededSigma> sigmas = {};   // empty: not determined yet
-  std::string why_not = {};               // to end; empty: enough is known
+  std::string why_not = {};               // why the run cannot end; empty: enough is known
   bool again = false;                     // its last dwell disagrees with the rest, and may be repeated
-  Segments set_aside = {};                // takes of its last dwell that another stands in for
-  std::optional<Settling> settling = {};  // at the end of the plan: of what is in doubt
-  // Index of the item after which it is expected to be, as the sigmas are now and as the plan has them; empty: not by this plan.
+  Segments set_aside = {};                // takes of its last dwell that a later one replaces
+  std::optional<Settling> settling = {};  // at the end of the plan: how to settle a doubt
+  // Index of the item after which enough is expected to be known, with the present sigmas and with the plan's; empty: not by this plan.
   std::optional<std::size_t> end = {}, soonest = {};
-  const NeededSigma* worst() const;  // null: there is none
+  const NeededSigma* worst() const;  // null when there is none
 };
 
-// The takes of the last dwell of a recording, oldest first; `dwells` (1 or more) of the plan are in the last pose, one after the other.
+// Returns the takes of the last dwell, oldest first. `dwells` (1 or more): how many consecutive dwells of the plan are in the last pose.
 Segments takes_of_last(const Segments& segments, std::size_t dwells);
 
-// Of a run that came to its planned end: what is known less well than it had to be, as a line; empty: nothing.
+// Returns, for a run that reached its planned end, a line about what is known less well than required; empty: nothing.
 std::string not_reached(const Run& run, const RunUnit& unit);
 
 class EnoughWatch {
  public:
-  // tell: a line for the log and the operator, and what is known of the unit of which least is known.
+  // Receives a line for the log and the operator, and the unit of which least is known.
   using Tell = std::function<void(const std::string& line, const KnownSoFar& unit)>;
-  // recordings: of the units, in their order. All outlive it.
+  // recordings: one a unit, in their order. All references must outlive this object.
   EnoughWatch(Run& run, std::deque<RecordingSink>& recordings, BackgroundQueue& storage, Tell tell);
 
-  // For StationHooks::go_on_with. Waits a few milliseconds at most; what is decided is answered once it is durable.
+  // Answers StationHooks::go_on_with. Blocks for a few milliseconds at most; a decision is returned once it is durable.
   Result<std::optional<std::size_t>> go_on_with(std::size_t next_item);
 
  private:
-  std::vector<KnownSoFar> estimate(std::size_t done_items);  // in the thread
+  std::vector<KnownSoFar> estimate(std::size_t done_items);  // runs in the thread
   KnownSoFar estimate(const RunUnit& unit, std::size_t done_items);
-  KnownSoFar settle(const RunUnit& unit);  // the same, where nothing but legs can come
-  double settling_left_s() const;          // 0: nothing more is added
+  KnownSoFar settle(const RunUnit& unit);  // likewise, at the end, where only legs can be added
+  double settling_left_s() const;          // 0: nothing more may be added
   struct Look {
     Result<LoadedRecording> loaded;
-    Result<CalibrationOutput> output;  // it may leave parameters open, and its fit is not tested
+    Result<CalibrationOutput> output;  // may leave parameters undetermined; the fit is not tested
   };
   Look look(const RunUnit& unit, const Segments& without) const;
-  static bool disagrees(const Look& look);  // its last dwell, with the others
+  static bool disagrees(const Look& look);  // whether its last dwell disagrees with the others
   Segments to_set_aside(const RunUnit& unit, const Segments& takes) const;
-  // How the sigmas shrink with the plan: those of the items before each, for an ideal unit with this noise.
+  // Returns the predicted sigmas after the first `items` of the plan, for an ideal unit with this noise.
   const ParameterVector& planned_sigmas(std::size_t items, const JointResult& fit);
   std::optional<std::size_t> expected_end(const std::vector<NeededSigma>& sigmas, std::size_t done_items,
                                           const JointResult& fit, bool soonest);
@@ -84,8 +84,8 @@ class EnoughWatch {
   std::deque<RecordingSink>& recordings_;
   BackgroundQueue& storage_;
   Tell tell_;
-  std::size_t end_item_;   // of what is calibrated from, by the plan that the run began with
-  std::size_t last_item_;  // the same with the legs that were added
+  std::size_t end_item_;   // end of the calibrating part, in the plan that the run began with
+  std::size_t last_item_;  // likewise, with the legs that were added
   std::future<std::vector<KnownSoFar>> running_;
   struct Decided {
     std::size_t next_item;

@@ -18,9 +18,9 @@ namespace turncal {
 
 namespace {
 
-// "--arw = 0: expected ...". False for nan, which the command line lets pass.
+// Returns the error "--arw = 0: expected ..."; also for NaN, which the command line lets pass.
 Status check_option(const char* option, double value, double min, double max, bool min_excluded = false) {
-  const bool good = (min_excluded ? value > min : value >= min) && value <= max;  // false for NaN
+  const bool good = (min_excluded ? value > min : value >= min) && value <= max;
   if (good) return {};
   return input_error(fmt::runtime(min_excluded ? "{} = {}: expected a number above {} and not above {}"
                                                : "{} = {}: expected a number from {} to {}"),
@@ -37,7 +37,7 @@ Status check_request(const PredictRequest& r) {
   return {};
 }
 
-// Two sequences of one name still need two names.
+// Makes names unique: two sequences of one name get two names.
 std::string column_name(const std::vector<NamedPrediction>& columns, const std::string& name) {
   int same = 1;
   for (const NamedPrediction& column : columns)
@@ -104,7 +104,7 @@ Result<Predictions> predict_sequences(const PredictRequest& request) {
     options.temperature = TemperatureProfile{.rise_c = request.temperature_rise_c, .tau_s = request.temperature_tau_s};
 
   std::vector<NamedPrediction> columns;
-  std::vector<std::string> refused;  // why the station would not run it, beside each column
+  std::vector<std::string> refused;  // why the station would refuse it, one a column
   for (const std::string& file : request.sequences) {
     const Sequence sequence = TRY(read_sequence(file));
     const Plan plan = make_plan(sequence, plan_limits(unit.station, unit.info.sample_period_s));

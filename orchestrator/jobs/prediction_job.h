@@ -1,5 +1,5 @@
-// What sequences would determine, and how well, before anything is run: from files to the document of `turncal predict`
-// (calib/prediction/predict.h). And what a prediction or a design is made for: site, unit and noise.
+// Predicts what sequences would determine, and how well, before anything is run: from files to the document of `turncal predict`
+// (calib/prediction/predict.h). Also the site, unit and noise that a prediction or a design assumes.
 //
 // Errors are of kind input and name the option of the command: "--arw = 0: expected ...".
 #pragma once
@@ -13,7 +13,7 @@
 
 namespace turncal {
 
-// The options that both commands share.
+// Options that both commands share.
 struct PlannedSite {
   std::string station = {};  // file; empty: the built-in rig station
   std::optional<double> latitude_deg = {}, gravity_mps2 = {};
@@ -32,23 +32,23 @@ struct PlannedUnit {
   Parameters parameters;
 };
 Result<PlannedUnit> planned_unit(const PlannedSite& site);
-NoiseModel noise_model(const PlannedSite& site);  // without options: of a good laser-gyro unit
+NoiseModel noise_model(const PlannedSite& site);  // without options: a good laser-gyro unit
 Facts describe_premises(const PlannedSite& site, const RecordingInfo& info);
 
 struct PredictRequest {
   std::vector<std::string> sequences;  // files
   PlannedSite site;
   bool effects = false;
-  double temperature_rise_c = 0.0;  // 0: the temperature stands still
+  double temperature_rise_c = 0.0;  // 0: constant temperature
   double temperature_tau_s = 2400.0;
-  double navigate_s = 0.0;  // 0: not asked
+  double navigate_s = 0.0;  // 0: no navigation
   double align_s = 300.0;
 };
 
 struct Predictions {
-  RecordingInfo info;  // of the unit that is planned for
+  RecordingInfo info;  // of the assumed unit
   std::vector<NamedPrediction> columns;
-  std::vector<std::string> refused;  // of each: why the station cannot run it; empty: it can
+  std::vector<std::string> refused;  // one a sequence: why the station cannot run it; empty: it can
   Document document;
 };
 Result<Predictions> predict_sequences(const PredictRequest& request);

@@ -21,9 +21,9 @@ namespace turncal {
 
 namespace {
 
-constexpr std::uintmax_t bytes_a_sample = 64;       // at most, of a binary recording
+constexpr std::uintmax_t bytes_a_sample = 64;       // upper limit, in a binary recording
 constexpr std::uintmax_t bytes_beside = 64u << 20;  // journal, log, report, database
-constexpr std::size_t longest_file_name = 60;       // of what is made in a folder: ".recording.partial.tcr.12345.0.tmp"
+constexpr std::size_t longest_file_name = 60;       // of a file made in a folder
 
 Status check_space(const RunPlan& run, const std::string& path) {
   std::error_code error;
@@ -47,7 +47,7 @@ Status check_names(const std::string& path) {
   return input_error("{}: too long a path: expected at most {} bytes", whole.string(), PATH_MAX - longest_file_name);
 }
 
-// A driver believes no position beyond what its table's file calls plausible, and refuses to move there.
+// Checks the plan against plausible.angle_deg: a driver rejects positions beyond it, and refuses to move there.
 Status check_plausible(const StationConfig& station, const Plan& plan) {
   const TableDescription* const table = station.table.described();
   if (!table) return {};
@@ -64,7 +64,7 @@ Status check_plausible(const StationConfig& station, const Plan& plan) {
                      format_number(table->plausible_deg), format_number(farthest_deg), to_string(axis));
 }
 
-// The registers of a map, or the sentences of a dialect, hold every move of the plan, and tell the axis to the tolerance.
+// Checks that the registers of a map, or the sentences of a dialect, can express every move of the plan and resolve the tolerance.
 Status check_moves(const StationConfig& station, const Plan& plan) {
   const TableDescription* const table = station.table.described();
   if (!table) return {};
@@ -94,7 +94,7 @@ Status check_moves(const StationConfig& station, const Plan& plan) {
   return {};
 }
 
-// What the shell says of a command that it cannot read; empty: it can. Nothing is run.
+// Returns the shell's message when it cannot parse the command; empty: it can. Nothing is run.
 std::string unreadable(const std::string& command) {
   const Result<ChildEnd> end = run_child({.words = {"/bin/sh", "-n", "-c", command},
                                           .package = "",
@@ -104,7 +104,7 @@ std::string unreadable(const std::string& command) {
   return !end || end->good() ? "" : end->errors.substr(0, end->errors.find('\n'));
 }
 
-// Whether the shell can read it, and the program that it begins with. What is more than a plain word is judged when the hook runs.
+// Checks that the shell can parse the command and find its program. A program that is not a plain word is judged when the hook runs.
 Status check_hook(const std::string& name, const std::string& command) {
   if (const std::string said = unreadable(command); !said.empty())
     return input_error(name + " = '" + command + "': expected a command of /bin/sh, which says: " + said);
@@ -117,11 +117,11 @@ Status check_hook(const std::string& name, const std::string& command) {
   return input_error(name + " = '" + command + "': there is no command '" + program + "'");
 }
 
-// An error after the day of table.calibration_due, unless there is a reason, which goes on record.
+// Returns an error after the day of table.calibration_due, unless there is a reason, which goes on record.
 Status check_due(const StationConfig& station, double utc_s, const std::string& overdue_reason) {
   const std::string& due = station.table_calibration_due;
   const std::string today = format_utc(utc_s).substr(0, 10);
-  // Days as 2026-12-31 sort as they follow each other.
+  // Days in the form 2026-12-31 sort by date.
   if (due.empty() || today <= due || !overdue_reason.empty()) return {};
   return input_error(
       "the calibration of {} was due on {}, today is {}: expected a calibrated table, or --override-due REASON, which "
@@ -152,7 +152,7 @@ std::vector<Error> preflight(const RunPlan& run, const std::string& folder, doub
       add(check_names(units.size() > 1 ? folder + "/" + name_of_unit(unit) : folder));
   }
   if (const std::string records = records_file(station); !records.empty())
-    add(ResultsDatabase::check_writable(records));  // a server may be away: then they are kept here
+    add(ResultsDatabase::check_writable(records));  // without a server the rows are kept here
   if (!station.store.empty()) {
     add(check_folder_writable(station.store));
     for (const std::string& unit : units) {

@@ -1,8 +1,8 @@
-// One run and all that becomes of it. begin_run() walks through it:
+// One run and everything made from it. begin_run() walks through these steps:
 //
 //   plan                       station, sequence and rig read, checked and hashed        run_request.h
 //   record                     the table moved, every unit recorded                      record_run.cpp
-//   estimate, judge, publish   of each unit, from its recording to its verdict           run_results.cpp
+//   estimate, judge, publish   each unit, from its recording to its verdict              run_results.cpp
 //
 // A run of one unit has everything in its own folder; a run of several has it in FOLDER/SERIAL (name_of_unit) each, with journal.tcj and
 // run.log in FOLDER.
@@ -28,16 +28,16 @@ namespace turncal {
 
 inline constexpr const char* log_name = "run.log";
 inline constexpr const char* removed_by_prune = " is removed by turncal records prune";  // in the log
-// Before every line that a dry run prints or logs, so that none passes for a real one.
+// Prefix of every line that a dry run prints or logs, so that none passes for a real one.
 inline constexpr std::string_view dry_run_tag = "[dry run] ";
-inline constexpr std::string_view simulated_tag = "[simulated] ";  // the same of a live run with a twin
+inline constexpr std::string_view simulated_tag = "[simulated] ";  // likewise for a live run with a twin
 std::string_view tag_of(const RunPlan& run);
 std::string_view tag_of(const JournalContents& journal);
 
 // A unit's part of a run.
 struct RunUnit {
   std::string serial, folder;
-  RigConfig rig;  // of a dry run
+  RigConfig rig;  // in a dry run
   bool dropped = false;
   Status status{};  // how it ended
 
@@ -47,7 +47,7 @@ struct RunUnit {
   std::optional<UnitClock> clock{};  // empty: not measured, as in a dry run
   double ended_utc_s = 0.0;          // 0: it did not begin
 
-  std::optional<LoadedRecording> recording{};        // as it was, or is, sealed
+  std::optional<LoadedRecording> recording{};        // as sealed, or to be sealed
   std::optional<CalibrationOutput> output{};         // empty: only captured
   std::optional<DiagnosisOutput> diagnosis{};        // empty: not made
   std::optional<VerificationReport> verification{};  // empty: not asked for
@@ -63,109 +63,109 @@ struct RunUnit {
 struct Run : RunPlan {
   std::string folder;
   std::vector<RunUnit> units;
-  int sessions = 1;                   // how often it was begun or taken up
-  std::optional<ResumePoint> resume;  // where this session goes on; empty: at the beginning
+  int sessions = 1;                   // times it was begun or resumed
+  std::optional<ResumePoint> resume;  // where this session resumes; empty: at the beginning
   std::optional<JournalFile> journal;
-  std::optional<RunLog> log;  // of a session with devices
+  std::optional<RunLog> log;  // open in a session with devices
   void say(const std::string& line) {
     if (log) log->line(line);
   }
 };
 
-// Without journal and log. folder: empty where there is none yet.
+// Returns a run without journal and log. folder: empty when there is none yet.
 Run run_of(RunPlan plan, const std::string& folder);
 
-// What became of a unit, in one word: its verdict; captured, dropped, fail (measured, but no parameters came of it), refused
-// (nothing was measured). Empty: it has no outcome yet, a fault of the station stopped it.
+// Returns the outcome of a unit in one word: its verdict; captured, dropped, fail (measured, but no parameters were estimated), refused
+// (nothing was measured). Empty: no outcome yet, because a fault of the station stopped it.
 std::string outcome_of(const Run& run, const RunUnit& unit);
-// Of the whole run: success, or the worst kind and a line that names every unit that has something to say.
+// Returns the status of the whole run: success, or the worst kind of error and a line that names every unit with an error.
 Status status_of(const Run& run);
-// What is put on record of a unit, without what is empty: keys record.* of its parameter file, columns of its attempt. Nothing here may
-// depend on how often the run was interrupted: the file is the same for an uninterrupted one.
+// Returns what goes on record about a unit, without empty values: keys record.* of its parameter file, columns of its attempt. Nothing here
+// may depend on how often the run was interrupted: the file is the same as for an uninterrupted one.
 KeyTexts facts_of(const Run& run, const RunUnit& unit);
-// A row of the database; the caller says what became of it, and when.
+// Returns a row of the database; the caller adds the outcome and its time.
 AttemptRecord attempt_record(const Run& run, const RunUnit& unit);
 
-// Whether recordings and journal hold what a run needs that goes on after its last dwell: an error says why not. Changes nothing.
+// Checks that recordings and journal hold what a run needs to go on after its last dwell. Changes nothing.
 Status check_goes_on(const Run& run, const JournalContents& contents);
-// Reads every recording once, before it is sealed: what the journal keeps of its contents, by unit. An error when one is damaged.
+// Reads every recording once, before it is sealed, and returns the content hashes for the journal, by unit. An error when one is damaged.
 Result<std::vector<std::string>> read_recordings(Run& run);
 
-// What the run in `folder` recorded, and before it what that run continues: oldest first. An error when one is not as it was sealed.
+// Reads the recording of the run in `folder` and those of the runs that it continues, oldest first. An error when one is not as it was sealed.
 Result<std::vector<LoadedRecording>> recordings_up_to(const std::string& folder);
 
-// A run that failed before it moved the table leaves nothing; one that failed later leaves its log and journal, and can be taken up.
+// A run that failed before it moved the table leaves nothing; one that was interrupted, or failed later, leaves log and journal and can be resumed.
 struct RunEnd {
-  Status status;  // of the whole run: what the command returns
+  Status status;  // of the whole run; the command returns it
   struct Unit {
     std::string serial, folder;
-    std::string outcome;  // in one word (outcome_of)
+    std::string outcome;  // outcome_of
     Status status;
     std::string reason;  // of the outcome; empty: a plain pass
   };
-  std::vector<Unit> units;  // none: refused before anything was made
-  bool moved = false;       // the table was homed or sent somewhere: there is something to tell
-  bool to_the_end = false;  // whatever became of single units, the table and the run are in order
+  std::vector<Unit> units;  // empty: refused before anything was made
+  bool moved = false;       // the table was homed or sent somewhere, so there is something to report
+  bool to_the_end = false;  // table and run are in order, whatever the outcome of single units
 
   RunEnd(Status how, bool whole = false) : status(std::move(how)), to_the_end(whole) {}
   RunEnd(Error why) : status(std::move(why)) {}
 };
 
-// Every unit that is left has its verdict: nothing to resume.
+// Returns whether every unit still in the run has its verdict, so that there is nothing to resume.
 bool is_over(const JournalContents& journal);
 
-// That the station can run the sequence, and that what it is for can come of it; `otherwise`: what can be done instead. Part of begin_run; a
-// batch asks before its first unit.
+// Checks that the station can run the sequence and that it serves its purpose; `otherwise`: what can be done instead. Part of begin_run; a
+// batch calls it before its first unit.
 Status check_sequence(const RunPlan& run, const std::string& otherwise = "");
 
 RunEnd begin_run(const RunRequest& request, const std::string& folder, CommandContext& context);
 
-// `now`: where the files are now that the journal names (station, sequence, rig); empty: where they were; and listen and pace.
-// The devices must be the same kind (simulated or not), the units and every hash those of the journal.
+// Resumes a run. `now`: where the files that the journal names are now (station, sequence, rig; empty: where they were), and the session.
+// The devices must be of the same kind (simulated or not); the units and every hash must be those of the journal.
 RunEnd resume_run(const std::string& folder, const RunRequest& now, CommandContext& context);
 
 struct RunDevices;  // dry_run_devices.h
 Result<RunDevices> make_devices(const RunPlan& run, CommandContext& context);
 
-// A session, up to the verdicts. REQUIRES: journal and log of the run. Sets what is known of its units, and how they ended.
+// Runs a session, up to the verdicts. REQUIRES journal and log of the run. Sets the facts and the status of its units.
 RunEnd record_run(Run& run, RunDevices& devices, CommandContext& context);
 
-// From the sealed recording of a unit to what a run leaves behind: estimated, judged, and published in the order in which it becomes durable:
+// Estimates, judges and publishes a unit from its sealed recording. The results become durable in this order:
 //
 //   truth.conf (dry run) -> verification.conf -> diagnosis/ -> parameters.conf -> statistics.tcs -> journal `results` -> database
 //   -> parameter store -> journal `verdict`
 //
-// Only then is a verdict printed. What cannot be written is a fault of the storage (kind device), whatever the reason. Every step can be done
-// again: a run that was interrupted in between repeats them all with the same bytes.
+// Only then is a verdict printed. What cannot be written is a fault of the storage (kind device), for whatever reason. Every step can be
+// repeated: a run that was interrupted in between repeats them all, with the same bytes.
 inline constexpr const char* truth_name = "truth.conf";
-inline constexpr const char* verification_name = "verification.conf";  // and beside it:
+inline constexpr const char* verification_name = "verification.conf";  // the page beside it:
 inline constexpr const char* verification_page = "verification.html";
 inline constexpr const char* diagnosis_folder = "diagnosis";
 
-// A recording of less says too little about what the 24 parameters lack: no diagnosis at the end of the run.
+// Least recording for a diagnosis at the end of a run; less says too little about effects beyond the 24 parameters.
 inline constexpr double least_diagnosed_s = 1800.0;
 
-// Of every unit that is left. utc_s: when the recordings were sealed. An error when no unit can be calibrated, or of the storage.
+// Makes the results of every unit still in the run. utc_s: when the recordings were sealed. An error when no unit calibrates, or of the storage.
 Status make_results(Run& run, double utc_s, CommandContext& context);
-// Prints the results and sets the status of every unit that is left and was calibrated.
+// Prints the results and sets the status of every unit that is still in the run and was calibrated.
 void print_results(Run& run, double wall_s, std::ostream& out);
 
-// A disk that hangs for good would hold up whoever waits for it: the table was left, so the program says so and ends at once.
-// `then`: the command for when it answers again.
+// Ends the program at once when the disk hangs, because it would block whoever waits for it; the table has been left before.
+// `then`: the command to use when the disk answers again.
 [[noreturn]] void end_without_storage(const std::string& why, const std::string& path, const std::string& then,
                                       CommandContext& context);
-// Of what is written while no table moves: the same, where the disk hangs before this goes.
+// Limits the time of writes while no table moves: end_without_storage() when the disk hangs during the lifetime of the result.
 std::unique_ptr<StorageLimit> limit_storage(const std::string& path, const std::string& then, CommandContext& context);
 
-// A failure to keep something is never the unit's, nor a mistake of the operator's: of kind device.
+// Turns a failed write into an error of kind device: it is never the unit's, nor the operator's mistake.
 Status stored(Status status);
-// Why the verdict is what it is; empty: a plain pass.
+// Returns the reason of the verdict; empty: a plain pass.
 std::string reason_of(const RunPlan& run, const VerdictReport& verdict);
-// An error of kind unit_failed, with verdict and reason, when the verdict is not one to accept.
+// Returns an error of kind unit_failed, with verdict and reason, when the verdict is not accepted.
 Status verdict_status(const std::string& unit, const VerdictReport& report);
 // "unit SN1: fail: reason"
 std::string outcome_words(const std::string& unit, std::string_view outcome, const std::string& reason);
-// The reason of an outcome beside which unit and outcome stand.
+// Returns the reason of an outcome without the unit and the outcome, which stand beside it.
 std::string reason_alone(const Status& status, const std::string& unit, std::string_view outcome,
                          const VerdictReport& verdict);
 
