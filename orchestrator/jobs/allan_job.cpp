@@ -18,10 +18,10 @@ namespace turncal {
 
 namespace {
 
-// A second's mean away from the first one: no noise of a unit that lies still.
+// Largest change of a second's mean from the first one in a unit at rest.
 constexpr double moves_radps = 0.02, moves_mps2 = 0.5;
 
-// Two cells of each rest as one.
+// Averages the cells of each rest in pairs.
 RestCells paired(const RestCells& cells) {
   RestCells pairs;
   pairs.cell_s = 2.0 * cells.cell_s;
@@ -35,10 +35,10 @@ RestCells paired(const RestCells& cells) {
   return pairs;
 }
 
-// What is added by counting is Q of this model where the noise moves the count from cell to cell by this share of a pulse and more (phase of
-// the count 2.4 rad). In shorter cells it has lines, whose frequencies follow from what the unit reads, and those that fall low look like N.
+// Quantization noise is the model's Q only where the noise N moves the count between cells by at least this share of a pulse (phase of the
+// count 2.4 rad). In shorter cells it has spectral lines, whose frequencies depend on the input; lines at low frequency look like N.
 constexpr double least_share_of_pulse = 0.39;
-// pulse: rad or m/s; 0: it does not count.
+// Fits with cells long enough to have no lines. pulse: rad or m/s; 0: the channel does not count pulses.
 void fit_beyond_lines(RestCells cells, const Channels& pulse, AllanResult& result) {
   constexpr std::size_t fewest_cells = 100;
   const auto has_lines = [&](std::size_t axis) {
@@ -60,10 +60,10 @@ struct ReadRests {
   RestCells cells;
   Channels pulse = Channels::Zero();
   std::vector<std::string> notes;
-  Eigen::Vector3d force_mps2 = Eigen::Vector3d::Zero();  // of a single rest
+  Eigen::Vector3d force_mps2 = Eigen::Vector3d::Zero();  // when there is one rest only
 };
 
-// The samples at rest, one after the other.
+// Reads the samples at rest, one after the other.
 class RestReader {
  public:
   RestReader(const RecordingInfo& info, Segments segments, std::string path)
@@ -117,8 +117,8 @@ class RestReader {
   }
 
  private:
-  static constexpr std::size_t known_after = 6;   // samples, whether one was a glitch
-  static constexpr std::size_t known_from = 128;  // samples, what is usual
+  static constexpr std::size_t known_after = 6;   // samples after which a glitch is recognised
+  static constexpr std::size_t known_from = 128;  // samples from which the usual scatter is known
 
   Status screen() {
     if (!std::exchange(begun_, true) && !begin_.empty()) glitches_.begin_rest(begin_);
@@ -131,7 +131,7 @@ class RestReader {
     return {};
   }
 
-  // Behind the last sample others of the rest stand for its neighbours.
+  // After the last sample of a rest, other samples of it serve as its neighbours.
   Status end_rest() {
     TRY(screen());
     for (std::size_t k = 0; k < 3 && waiting_.size() == known_after; ++k) {
@@ -200,10 +200,10 @@ class RestReader {
   GlitchFinder glitches_;
   std::vector<DataEvent> found_;
   std::vector<ImuSample> begin_;   // not screened yet
-  bool begun_ = false;             // the rest
+  bool begun_ = false;             // the rest has begun
   std::deque<ImuSample> waiting_;  // screened
   Channels si_ = Channels::Zero(), total_ = si_;
-  double taken_ = 0.0;  // samples in it
+  double taken_ = 0.0;  // number of samples in total_
   std::int64_t a_second_ = 1, left_out_ = 0;
   std::size_t index_ = 0;
   std::optional<std::int64_t> first_;
@@ -223,7 +223,7 @@ Result<ReadRests> read_rests(RecordingSource& source, const std::string& name) {
 Result<ReadRests> read_rests(const std::string& path, const std::string& map_file) {
   if (map_file.empty()) return read_rests(*TRY(RecordingSource::open(path)), path);
   CsvMap map = TRY(read_csv_map(map_file));
-  // At rest a reading is the same over a longer interval, and stamps jitter.
+  // At rest a reading is the same over a longer interval, so jitter of the stamps does not matter.
   map.increments = CsvMap::Increments::period;
   const ColumnSource source = TRY(open_columns(path, map.topic, map.format.skip_bad_rows));
   std::optional<RestReader> reader;

@@ -30,7 +30,7 @@ namespace turncal {
 
 std::string distrust_of(const CompressedRecording& recording, const JointResult& result, bool test_fit) {
   if (result.whiteness.level == 0.0) return "";  // too few seconds at rest
-  // Quieter than the noise model, correlated or not: its sigmas are too large, if anything.
+  // When the unit is quieter than the noise model, correlated or not, the sigmas are too large, if anything.
   if (!result.whiteness.white && result.whiteness.level > 1.0) return result.whiteness.message;
   if (!test_fit) return "";
   if (std::string latitude = wrong_latitude(recording, result); !latitude.empty()) return latitude;
@@ -39,7 +39,7 @@ std::string distrust_of(const CompressedRecording& recording, const JointResult&
 
 namespace {
 
-// Tells ChannelLife what the table turned, segment by segment.
+// Gives ChannelLife the table's turns, segment by segment.
 class TableLife {
  public:
   TableLife(const RecordingInfo& info, const Segments& segments) : life_(info), segments_(segments) {}
@@ -68,16 +68,16 @@ class TableLife {
   std::size_t index_ = 0;
 };
 
-// `later` begins before `earlier` has ended.
+// Returns whether `later` begins before `earlier` has ended.
 bool overlap(const LoadedRecording& earlier, const LoadedRecording& later) {
   const auto &from = earlier.data.info.started_utc_s, &at = later.data.info.started_utc_s;
-  constexpr double whole_seconds = 2.0;  // both times are
+  constexpr double whole_seconds = 2.0;  // both times are in whole seconds
   return from && at && *from <= *at && double(*at - *from) < earlier.recorded_s - whole_seconds;
 }
 
 using Recordings = std::span<const LoadedRecording>;
 
-// An error when two of them are the same, or they are not of one unit, recorded in one way, and all with table angles or all without.
+// Returns an error when two recordings are the same, or they differ in unit, kind of increments or in having table angles.
 Status check_same_unit(Recordings some, Recordings further = {}) {
   std::vector<const LoadedRecording*> recordings;
   for (const Recordings& these : {some, further})
@@ -101,7 +101,7 @@ Status check_same_unit(Recordings some, Recordings further = {}) {
     if (one->by_hand != first.by_hand)
       return input_error("{}: expected a recording {} table angles, as {}", one->path,
                          first.by_hand ? "without" : "with", first.path);
-    // The rig's clock begins every dry run at the same time.
+    // The rig's clock starts every dry run at the same time.
     const auto meanwhile = std::ranges::find_if(recordings, [&](const LoadedRecording* other) {
       return other != one && !info.simulated && overlap(*other, *one);
     });
@@ -134,7 +134,7 @@ Status closed_form(const CompressedRecording& recording, CalibrationOutput& outp
   return {};
 }
 
-// Where the unit is mounted another way than the table's axes.
+// Notes a mounting that differs from the table's axes.
 void note_mounting(const JointResult& result, std::vector<std::string>& notes) {
   if (!result.start.mounting_text.empty())
     notes.push_back("the unit is mounted " + result.start.mounting_text + " against the table's axes");
@@ -157,7 +157,7 @@ void note_joint(const JointResult& result, double sample_period_s, std::vector<s
   }
 }
 
-// "gyro x clipped at 8 deg/s in 14 turns"; empty: none did.
+// Returns "gyro x clipped at 8 deg/s in 14 turns"; empty when none did.
 std::string clipped_gyros(const CompressedRecording& recording) {
   std::map<std::string, int> turns;
   for (const DataEvent& event : clipped_turns(recording)) ++turns[clipped_text(recording.info, event.axis, event.size)];
@@ -169,8 +169,8 @@ std::string clipped_gyros(const CompressedRecording& recording) {
 
 constexpr std::string_view too_little_data = "too little data to test the fit";
 
-// Why a recording leaves parameters open, as "expected slower turns, ...": data that no model fits take the noise so high that it hides the
-// rest.
+// Returns why a recording leaves parameters undetermined, as "expected slower turns, ...". Data that the model does not fit raise the estimated
+// noise until it hides the rest.
 std::string why_open(const CompressedRecording& recording, const JointResult& result) {
   if (const std::string clipped = clipped_gyros(recording); !clipped.empty())
     return "expected slower turns, " + clipped;
@@ -243,7 +243,7 @@ Status rests_by_hand(const CompressedRecording& recording, const CalibrationRequ
   return {};
 }
 
-// What one recording does not determine the others may: one that leaves directions open, or does not settle for it, is looked at beside one that does not.
+// Calibrates each recording. One that leaves directions undetermined, or does not converge, is calibrated again with the parameters of one that does.
 Result<std::vector<CalibrationOutput>> calibrate_each(const std::vector<LoadedRecording>& recordings,
                                                       CalibrationRequest request) {
   request.partial = true;
@@ -266,7 +266,7 @@ Result<std::vector<CalibrationOutput>> calibrate_each(const std::vector<LoadedRe
   return outputs;
 }
 
-// All of one unit, and those to be fitted together of one place and one rate.
+// Checks that all are of one unit, and that those fitted together have one site and one sample rate.
 Status check_together(Recordings fitted, Recordings holdouts) {
   TRY(check_same_unit(fitted, holdouts));
   const LoadedRecording& first = fitted.front();
@@ -290,7 +290,7 @@ Status check_together(Recordings fitted, Recordings holdouts) {
   return {};
 }
 
-// What the effects are worth in miles; a note where it cannot be had.
+// Navigates to tell what the effects are worth in miles; adds a note where that is not possible.
 void navigate_effects(const LoadedRecording& recording, const Diagnosis& diagnosis, const DiagnosisRequest& request,
                       DiagnosisContext& context) {
   request.phase("navigating with and without the added effects");
@@ -329,7 +329,7 @@ Result<DiagnosisOutput> of_table(Recordings recordings, const JoinedRecordings& 
   return DiagnosisOutput{std::move(diagnosis), std::move(files)};
 }
 
-// It lies still all the time: what that tells.
+// Reports what a unit at rest in one pose tells.
 Result<DiagnosisOutput> of_single_pose(const LoadedRecording& recording, const DiagnosisContext& context) {
   const LoadedRecording in_seconds = TRY(load_recording(recording.path, {}, CompressionOptions{}));
   const Result<SinglePose> pose = analyse_single_pose(in_seconds.data);
@@ -429,7 +429,7 @@ Result<LoadedRecording> load_recording(RecordingSource& source, const std::funct
   loaded.data = compressor.take();
   if (clipping) clipping->note(loaded.data.events);
   loaded.dead_channel = life.finish();
-  loaded.hash = TRY(source.content_hash());  // falls out of read()
+  loaded.hash = TRY(source.content_hash());  // a by-product of read()
   return loaded;
 }
 

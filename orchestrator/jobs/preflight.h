@@ -1,11 +1,10 @@
-// Finds what would stop a run later, before anything moves: `run` then refuses to begin, and `check` lists all of it.
+// Finds what would stop a run, before anything moves: `run` then refuses to begin, and `check` lists all of it.
 //
-// Checks that output folder, results database and parameter store can be written; there is room for the recordings; names are short
-// enough for the file system; the hooks' commands exist and the shell can parse them; the table's file accepts the plan's positions; the
-// table's calibration is not overdue. Files made for a check are removed again.
+// Checks that output folder, results database and parameter store can be written; room for the recordings; lengths of names; that the hooks'
+// commands exist and parse; positions in the table's file; the date of the table's calibration. Files made for a check are removed again.
 //
-// Also finds the parameters that a plan leaves undetermined (calib/prediction/predict.h): a run of such a
-// sequence is refused unless it only captures (--capture-only) or may be estimated in part (--partial).
+// Also finds the parameters that a plan leaves undetermined (calib/prediction/predict.h). A run of such a sequence is refused unless it only
+// captures (--capture-only) or may be estimated in part (--partial).
 #pragma once
 
 #include <string>
@@ -20,7 +19,7 @@
 
 namespace turncal {
 
-// Errors are of kind device for the storage, input for what has to be written otherwise. folder: of the run; empty: not checked. Of `run`
+// Returns all errors: kind device for the storage, input for what has to be written otherwise. folder: of the run; empty: not checked. Of `run`
 // the station, plan, units and the reason for an overdue table are used. utc_s: now.
 std::vector<Error> preflight(const RunPlan& run, const std::string& folder, double utc_s);
 

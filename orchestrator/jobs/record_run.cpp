@@ -25,7 +25,7 @@ namespace turncal {
 
 namespace {
 
-// Holds virtual time back to `pace` times the wall clock.
+// Slows virtual time down to `pace` times the wall clock.
 class PaceKeeper : public RunObserver {
  public:
   explicit PaceKeeper(double pace) : pace_(pace) {}
@@ -41,7 +41,7 @@ class PaceKeeper : public RunObserver {
   std::optional<double> began_s_;
 };
 
-// The newest results on record, one line each.
+// Returns the newest results on record, one line each.
 std::vector<std::string> last_results(const RunPlan& run) {
   constexpr std::size_t shown = 10;
   std::vector<std::string> lines;
@@ -58,7 +58,7 @@ std::vector<std::string> last_results(const RunPlan& run) {
   return lines;
 }
 
-// Of every unit, rounded to what can be known; kept with it, too.
+// Returns the clock error of every unit, rounded to its accuracy, and stores it in `units`.
 std::vector<std::optional<UnitClock>> clocks_of(const LiveDevices& devices, std::vector<RunUnit>& units) {
   std::vector<std::optional<UnitClock>> clocks;
   const auto rounded_ppm = [](double part) { return std::round(1e8 * part) / 100.0; };
@@ -70,7 +70,7 @@ std::vector<std::optional<UnitClock>> clocks_of(const LiveDevices& devices, std:
   return clocks;
 }
 
-// How far every unit came, and what is known of it before there are results.
+// Stores how far every unit came, and the facts known before there are results.
 void note_outcome(const RunOutcome& outcome, Run& run) {
   for (std::size_t i = 0; i < run.units.size(); ++i) {
     const RunOutcome::Unit& end = outcome.units[i];
@@ -109,15 +109,15 @@ Tone tone_of(const RunOutcome& outcome, const Run& run) {
   return worst;
 }
 
-// What is seen of a run while it goes on, at the terminal and on the page.
+// The displays of a run: terminal and page.
 struct RunView {
   RunView(const Run& run, OperatorPrompts* prompts, CommandContext& where)
       : context(where),
-        // A line redrawn in place would run over the operator's answers.
+        // A line redrawn in place would overwrite the operator's answers.
         in_place(context.out_is_terminal && !prompts),
         progress(
             context.out, in_place ? context.terminal_columns - int(tag_of(run).size()) : 0,
-            // A dry run is over in seconds; whoever turns the table has other things to read.
+            // A dry run takes seconds, and whoever turns the table has other things to read.
             run.request.session.verbose || !(in_place || run.request.dry_run || prompts || run.request.session.brief),
             monotonic_s, stdout_takes_more),
         live({.unit = join(run.request.units),
@@ -132,7 +132,7 @@ struct RunView {
     if (!prompts) return;
     const bool screen = context.out_is_terminal && !run.request.session.verbose;
     if (screen && ::isatty(STDIN_FILENO) == 1 && stdout_size().takes_screen()) {
-      // Past the stream: its prefix belongs to lines.
+      // Bypasses the stream, whose prefix is for lines.
       const auto write = [&out = context.out](const std::string& text) {
         if (stdout_takes_more() && out.flush()) static_cast<void>(!::write(STDOUT_FILENO, text.data(), text.size()));
       };
@@ -163,11 +163,11 @@ struct RunView {
     if (!terminal && stdout_takes_more()) context.out << line << std::endl;
     live.show_known(line, known);
   }
-  void leave_screen() {  // what is printed next stands below
+  void leave_screen() {  // later output goes below it
     if (asked) asked->show_on({}, true);
     terminal.reset();
   }
-  // resume: the folder to go on with; empty: none.
+  // resume: the folder to resume; empty: none.
   void end(const Run& run, const RunOutcome& outcome, const std::string& resume) {
     const bool done = outcome.state == RunState::done;
     if (terminal) terminal->show(last_screen(done, resume, asked->texts()));
@@ -183,12 +183,12 @@ struct RunView {
   const bool in_place;
   ProgressPrinter progress;
   LiveStatus live;
-  OperatorPrompts* asked;                    // null: nobody turns the table
-  std::optional<OperatorTerminal> terminal;  // of whoever does, where it takes a screen
+  OperatorPrompts* asked;                    // null when nobody turns the table
+  std::optional<OperatorTerminal> terminal;  // for whoever does, on a terminal large enough
   std::unique_ptr<StatusPage> page;
 };
 
-// How table and units were left, for the log.
+// Logs how table and units were left.
 void log_how_left(Run& run, const RunOutcome& outcome, RunDevices& devices, CommandContext& context) {
   if (!devices.live) return;
   if (outcome.left) {
@@ -207,7 +207,7 @@ bool can_go_on(const Run& run) {
   return journal && check_goes_on(run, *journal);
 }
 
-// A run that did not come to its end. goes_on: it can be taken up.
+// Ends a run that did not reach its end. goes_on: it can be resumed.
 RunEnd stopped(Run& run, const RunOutcome& outcome, bool goes_on, CommandContext& context) {
   run.say(outcome.error.message);
   Error whole = outcome.error;
@@ -225,11 +225,11 @@ RunEnd stopped(Run& run, const RunOutcome& outcome, bool goes_on, CommandContext
     context.out << "what is recorded is kept; " << how << std::endl;
   RunEnd end(whole);
   end.moved = outcome.moved;
-  end.to_the_end = outcome.error.kind == ErrorKind::unit_failed;  // what failed is the unit
+  end.to_the_end = outcome.error.kind == ErrorKind::unit_failed;  // the unit failed, not the run
   return end;
 }
 
-// What came of the walk, on the terminal, on the page and in the log.
+// Reports the outcome on the terminal, on the page and in the log.
 RunEnd told(Run& run, const RunOutcome& outcome, RunDevices& devices, RunView& view, double began_s) {
   CommandContext& context = view.context;
   if (outcome.stop_failed && devices.live) devices.live->give_table_up();
@@ -240,7 +240,7 @@ RunEnd told(Run& run, const RunOutcome& outcome, RunDevices& devices, RunView& v
   for (RunUnit& unit : run.units) unit.ended_utc_s = devices.devices().clock.utc_s();
   const bool done = outcome.state == RunState::done;
   const bool recorded = std::ranges::any_of(run.units, [](const RunUnit& unit) { return unit.recorded_s > 0.0; });
-  // Of no use to whoever resumes: a unit of which all is recorded.
+  // A unit that failed with everything recorded cannot be resumed.
   const bool sealed = outcome.error.kind == ErrorKind::unit_failed && run.units.front().recording.has_value();
   const bool goes_on = !done && (outcome.state == RunState::interrupted || recorded) && !sealed && can_go_on(run);
   view.end(run, outcome, goes_on ? run.folder : "");
@@ -295,7 +295,7 @@ RunEnd record_run(Run& run, RunDevices& devices, CommandContext& context) {
   }
   units.front().sinks.push_back(&view.live);  // the page plots the first unit
 
-  // Behind all that they write to: what a queue still does is of things that outlive it.
+  // Declared after all that they write to, so that pending jobs refer to living objects.
   const auto by = devices.live ? BackgroundQueue::By::thread : BackgroundQueue::By::caller;
   BackgroundQueue storage(by), display(by);
   BackgroundObserver log(*run.log, storage), page(view.live, display), progress(view.progress, display);

@@ -26,7 +26,7 @@ namespace turncal {
 
 namespace {
 
-// The text of a file, or of what is built in: then only the version says what it was.
+// Returns the text of a file; of a built-in one only the version, which identifies it.
 Result<std::string> text_of(std::string& path, const std::string& built_in) {
   if (path.empty()) return built_in;
   path = std::filesystem::absolute(path).lexically_normal().string();
@@ -63,7 +63,7 @@ Status check_seeks_north(const StationConfig& station) {
   return input_error(station.file + ": site." + status.error().message);
 }
 
-// A chamber that a run would switch on.
+// Checks a chamber that a run would switch on.
 Status check_chamber(const RunPlan& run) {
   const auto& chamber = run.station.chamber;
   if (run.request.temperature_c) {
@@ -78,14 +78,14 @@ Status check_chamber(const RunPlan& run) {
                      ": commissioned = false: expected a chamber that turncal commission --chamber has tried");
 }
 
-// What the operator may type has to count as arrived.
+// Any position that the operator may enter has to count as arrived.
 void turn_by_hand(StationConfig& station) {
   station.table.driver = TableDriver::manual;
   station.motion.position_tolerance_deg =
       std::max(station.motion.position_tolerance_deg, 1.1 * station.table.manual.tolerance_deg);
 }
 
-// What is to be verified, and the north seeking after the calibration where there is one.
+// Prepares what is to be verified, and appends the north seeking to the calibration where there is one.
 Status prepare_verification(RunPlan& run) {
   RunRequest& wanted = run.request;
   if (wanted.verify && wanted.verified.empty() && (wanted.capture_only || wanted.partial))
@@ -106,7 +106,7 @@ Status prepare_verification(RunPlan& run) {
   return {};
 }
 
-// What ends a run early has to be said by the station.
+// Checks that the station says what is enough to end a run early.
 Status check_until_sigma(const RunPlan& run) {
   if (!run.request.until_sigma) return {};
   if (run.request.capture_only || run.request.partial)
@@ -116,7 +116,7 @@ Status check_until_sigma(const RunPlan& run) {
                      " does not say what is enough: expected stop.sigma.<key> or limit.<key>.* in its file");
 }
 
-// After the last attempt at the station, with time to change the unit.
+// Returns a time after the last attempt at the station that leaves time to change the unit.
 Result<double> next_beginning(const StationConfig& station, const RigConfig& rig) {
   double next_s = rig.start_utc_s;
   std::string server_away;
@@ -129,7 +129,7 @@ Result<double> next_beginning(const StationConfig& station, const RigConfig& rig
   return next_s;
 }
 
-// The same unit, later and switched on again: what it was, with other noise.
+// Continues with the same unit, later and switched on again: the same unit seed, another noise seed.
 Status turn_on_again(RunPlan& run) {
   if (run.request.continues.empty()) return {};
   const JournalContents before = TRY(read_journal(run.request.continues + "/" + journal_name));
@@ -150,7 +150,7 @@ Status turn_on_again(RunPlan& run) {
   return {};
 }
 
-// A unit of a lot follows from its serial number, and the clock goes on from run to run.
+// Draws a unit of a lot from its serial number; the clock goes on from run to run.
 Status turn_on_of_lot(RunPlan& run) {
   if (!run.rig.lot.seed) return {};
   if (run.request.units.size() > 1)
@@ -169,7 +169,7 @@ Status prepare_rig(RunPlan& run) {
   const std::string rig_text = TRY(text_of(wanted.rig, of_this_version("built-in rig")));
   run.rig = TRY(rig_of(run.station, rig_given));
   run.hashes.rig = hash_of_text(rig_text);
-  if (wanted.station.empty()) {  // the built-in station stands where the rig does
+  if (wanted.station.empty()) {  // the built-in station is at the rig's site
     run.station.latitude_deg = run.rig.site.latitude_deg;
     run.station.gravity_mps2 = run.rig.site.gravity_mps2;
   }
@@ -177,7 +177,7 @@ Status prepare_rig(RunPlan& run) {
   return turn_on_of_lot(run);
 }
 
-// Of the first record, in its order. As many units as there is room for; the first is told among the files.
+// Returns the fields of the first record, in order, for as many units as there is room for; the first unit stands among the files.
 Fields fields_of(RunRequest& request, FileHashes& hashes) {
   Fields fields = {chosen("live", request.dry_run, {"true", ""}, ""),
                    {"began_utc", &request.began_utc},
@@ -236,7 +236,7 @@ RecordingInfo planned_info(const RunPlan& run) {
 
 std::vector<std::string> no_real_devices(const StationConfig& station) {
   std::vector<std::string> why;
-  std::map<std::string, std::string> taken;  // key by lock
+  std::map<std::string, std::string> taken;  // key of each lock taken
   for (const auto& [key, line] : device_lines(station)) {
     if (line.find("SET-ME") != std::string::npos) {
       why.push_back(fmt::format("{} = {}: expected the name of this station's line", key, turncal::quoted(line)));

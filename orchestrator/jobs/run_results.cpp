@@ -23,18 +23,18 @@ namespace turncal {
 
 namespace {
 
-// What is going on for one unit.
+// The results of one unit in the making.
 struct Making {
   Run& run;
   RunUnit& unit;
   std::string time_utc;
-  std::vector<LoadedRecording> recordings;  // of the unit: this one is the last of them
+  std::vector<LoadedRecording> recordings;  // of the unit, this run's last
   std::string diagnosis = "not_made", finding = {};
-  std::string distrust = {};  // what the diagnosis has against the parameters without effects
+  std::string distrust = {};  // what the diagnosis objects to in the parameters without effects
   KeyTexts settled = {};      // record.settle.1 and so on
 };
 
-// "accel_second_order (31 sigma), gyro_bias_drift (7 sigma)".
+// Returns "accel_second_order (31 sigma), gyro_bias_drift (7 sigma)".
 std::string finding_of(const Diagnosis& d) {
   std::vector<std::string> parts;
   for (const std::string& name : d.effect_names)
@@ -42,7 +42,7 @@ std::string finding_of(const Diagnosis& d) {
   return join(parts);
 }
 
-// Where the samples are: what is not sealed yet still has its name of the run.
+// Returns the path of the samples: a recording that is not sealed yet still has its partial name.
 std::string samples_of(const Making& m) {
   const std::string& path = m.recordings.back().path;
   return path_exists(path) ? path : m.unit.file(partial_recording_name);
@@ -59,7 +59,7 @@ Status estimate(Making& m) {
   if (m.run.request.capture_only) return {};
   Result<CalibrationOutput> output = calibrate_recordings(
       m.recordings, {.time_utc = m.time_utc, .partial = m.run.request.partial, .test_fit = !is_diagnosed(m)});
-  // It was measured; what kept it from being calibrated is the unit's or its recording's, not of what was asked.
+  // The unit was measured, so a failure to calibrate lies in the unit or its recording, not in the request.
   if (!output)
     return Error{output.error().kind == ErrorKind::input ? ErrorKind::unit_failed : output.error().kind,
                  output.error().message};
@@ -67,7 +67,7 @@ Status estimate(Making& m) {
   return {};
 }
 
-// What was in doubt, what was done about it, and what is known now: of each round of a run that may settle its doubts.
+// Reports each round of settling doubts: what was in doubt, what was done, and what is known now.
 void describe_settling(Making& m) {
   if (!m.unit.diagnosis) return;
   const Diagnosis& d = m.unit.diagnosis->diagnosis;
@@ -85,7 +85,7 @@ void describe_settling(Making& m) {
   }
 }
 
-// Beyond the 24 parameters.
+// Diagnoses effects beyond the 24 parameters.
 void diagnose_unit(Making& m) {
   if (!is_diagnosed(m)) return;
   const bool alone = m.recordings.size() == 1;
@@ -103,7 +103,7 @@ void diagnose_unit(Making& m) {
   describe_settling(m);
 }
 
-// North sought with what was estimated, or with the file that was given. Its verdict becomes part of the unit's.
+// Seeks north with the estimated parameters, or with the given file. The verdict becomes part of the unit's.
 Status verify_unit(Making& m) {
   if (!m.run.request.verify) return {};
   RunUnit& unit = m.unit;
@@ -114,8 +114,8 @@ Status verify_unit(Making& m) {
                                                         .limits = m.run.station.limits,
                                                         .first_step = m.run.verify_from});
   if (!report && !own) return Error{ErrorKind::unit_failed, report.error().message};
-  if (!report) {                                                            // what was calibrated is kept
-    const bool not_judged = report.error().kind == ErrorKind::unit_failed;  // too much of it was lost
+  if (!report) {                                                            // the calibration is kept
+    const bool not_judged = report.error().kind == ErrorKind::unit_failed;  // too many samples were lost
     judge_verification(not_judged ? UnitVerdict::hold : UnitVerdict::fail, report.error().message, unit.verdict);
     return {};
   }
@@ -124,7 +124,7 @@ Status verify_unit(Making& m) {
   return {};
 }
 
-// A clean diagnosis, too, knows what came near to being claimed.
+// Widens the sigmas by aliases; a clean diagnosis, too, knows the effects that it nearly claimed.
 void widen_by_alias(const Diagnosis& diagnosis, ParameterFile& file) {
   describe_alias(diagnosis, file);
   for (std::size_t k = 0; k < parameter_keys.size(); ++k)
@@ -132,7 +132,7 @@ void widen_by_alias(const Diagnosis& diagnosis, ParameterFile& file) {
       file.sigma[k] = diagnosis.extended.sigma[Eigen::Index(k)];
 }
 
-// The file that the unit is to load.
+// Chooses the file that the unit is to load.
 void choose_file(Making& m) {
   ParameterFile& file = m.unit.output->file;
   if (m.diagnosis == to_string(Verdict::extended) && m.run.station.diagnosis.load_extended)
@@ -151,7 +151,7 @@ Status judge(Making& m) {
   diagnose_unit(m);
   choose_file(m);
   const CalibrationOutput& output = *unit.output;
-  const bool partial = m.run.request.partial;  // an estimate in part is no judgement of the unit
+  const bool partial = m.run.request.partial;  // a partial estimate does not judge the unit
   std::optional<ClockLimit> clock;
   if (unit.clock && m.run.station.imu) clock = {*unit.clock, m.run.station.imu->settings.clock_max_ppm};
   if (!partial)
@@ -164,18 +164,18 @@ Status judge(Making& m) {
   return {};
 }
 
-// A record of the journal about a unit; of a run of several it says which.
+// Writes a journal record about a unit; in a run of several it names the unit.
 Status note(Making& m, JournalType type, JournalFields fields) {
   if (m.run.units.size() > 1) fields.emplace_back("unit", m.unit.serial);
   return m.run.journal->append(type, fields);
 }
 
-// What becomes durable, in this order. Each step may take its time with the storage.
+// Makes the results durable, in this order. Each step may take its time with the storage.
 Status publish(Making& m, const std::function<Status(const std::function<Status()>&)>& keep) {
   const StationConfig& station = m.run.station;
   RunUnit& unit = m.unit;
   const auto write_report = [&]() -> Status {
-    const std::string& verified = unit.verdict.verification;  // how that ended
+    const std::string& verified = unit.verdict.verification;  // outcome of the verification
     if (!verified.empty()) say_verification(verified, unit.diagnosis->files.report);
     TRY(make_folder(unit.file(diagnosis_folder)));
     TRY(write_diagnosis(unit.file(diagnosis_folder), unit.diagnosis->files));
@@ -240,7 +240,7 @@ Status make_unit(Run& run, RunUnit& unit, double utc_s, CommandContext& context)
       const std::optional<double> reference_c = unit.output ? unit.output->mean_temperature_c : std::nullopt;
       return write_file_atomically(unit.file(truth_name), format_truth(Rig(unit.rig), reference_c));
     }));
-  if (!estimated) {  // all of it is recorded: nothing that is done again would help
+  if (!estimated) {  // all is recorded, and repeating it would not help
     diagnose_unit(making);
     unit.verdict.verdict = UnitVerdict::fail;
     unit.verdict.reason = estimated.error().message;

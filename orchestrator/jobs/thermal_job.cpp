@@ -38,12 +38,12 @@ constexpr double not_known = std::numeric_limits<double>::quiet_NaN();
 struct LegFile {
   ThermalLeg leg;
   ParameterFile file;
-  std::string path;  // of the parameter file, or of the recording
+  std::string path;  // parameter file or recording
   std::string measured;
   std::optional<int> direction;
 };
 
-// Mean, and slope of the straight line through all samples. Has it moved?
+// Fits mean and slope of a straight line through all samples. Returns whether the temperature has moved.
 Result<bool> follow_thermometer(RecordingSource& source, ThermalLeg& leg) {
   double n = 0.0, t = 0.0, T = 0.0, tt = 0.0, tT = 0.0, TT = 0.0;
   std::optional<std::int64_t> first;
@@ -94,7 +94,7 @@ Result<LegFile> read_leg(const std::string& path, int number, const ThermalReque
   LegFile leg;
   leg.leg.name = path;
   leg.leg.temperature_c = leg.leg.rate_c_per_h = not_known;
-  leg.leg.switch_on = -number;  // its own
+  leg.leg.switch_on = -number;  // its own switch-on
   leg.path = is_file ? path : path + "/" + parameters_name;
   const bool has_recording = !is_file && recognise_file(path) == FileKind::recording;
   std::string why;
@@ -152,7 +152,7 @@ Result<LegFile> read_leg(const std::string& path, int number, const ThermalReque
   return leg;
 }
 
-// Of one unit, in one form; no recording twice.
+// Checks that the legs are of one unit and in one form, with no recording twice.
 Status check_together(const std::vector<LegFile>& legs) {
   const ParameterFile& first = legs.front().file;
   for (std::size_t k = 1; k < legs.size(); ++k) {
@@ -171,7 +171,7 @@ Status check_together(const std::vector<LegFile>& legs) {
   return {};
 }
 
-// Directions, and switch-ons numbered in order.
+// Sorts the legs by time, sets their directions, and numbers the switch-ons in order.
 void put_in_order(std::vector<LegFile>& legs) {
   const bool timed = std::ranges::none_of(legs, [](const LegFile& leg) { return leg.measured.empty(); });
   if (timed) std::ranges::stable_sort(legs, {}, &LegFile::measured);
@@ -187,7 +187,7 @@ void put_in_order(std::vector<LegFile>& legs) {
     leg.leg.switch_on = numbers.try_emplace(leg.leg.switch_on, int(numbers.size()) + 1).first->second;
 }
 
-// What parameters that are off by this, rms, are worth in an hour at rest.
+// Returns the position error after an hour at rest for parameter errors with this covariance, rms.
 double miles(const ParameterFile& file, const ParameterCovariance& off) {
   RecordingInfo info;
   info.gyro_increment = file.gyro_increment, info.accel_increment = file.accel_increment;
@@ -224,7 +224,7 @@ ParameterFile file_of(const std::vector<LegFile>& legs, const ThermalModel& mode
   return file;
 }
 
-// Each leg of a dry run has noise and a time of its own: the rig's file has no such keys, and they are added.
+// Adds noise seed and time of each leg of a dry run to the rig's text, which has no such keys.
 Result<std::string> text_of_rig(const Campaign& campaign, const RunPlan& plan) {
   const std::string from = campaign.rig.empty() ? plan.station.rig_file : campaign.rig;
   if (from.empty()) return std::string();
@@ -254,7 +254,7 @@ RunRequest request_of(const Campaign& campaign, const CampaignLeg& leg, const Ru
   return request;
 }
 
-// Its folder, with what `thermal` and a dry run need of it; the unit is switched before the folder says so.
+// Makes a leg's folder, with what `thermal` and a dry run need; the unit is switched before the folder says so.
 Status prepare_leg(const Campaign& campaign, const RunPlan& plan, std::size_t number, const std::string& folder) {
   const CampaignLeg& leg = campaign.legs[number];
   const std::string conf = folder + "/leg.conf";
@@ -271,12 +271,12 @@ Status prepare_leg(const Campaign& campaign, const RunPlan& plan, std::size_t nu
                            number + 1, campaign.unit)};
 }
 
-// Everything that would stop a later leg is said before the first.
+// Plans all legs, so that whatever would stop a later leg is reported before the first.
 Result<std::vector<RunPlan>> plan_legs(const Campaign& campaign, const RunRequest& asked) {
   std::vector<RunPlan> plans;
   for (const CampaignLeg& leg : campaign.legs) {
     Result<RunPlan> plan = plan_run(request_of(campaign, leg, asked));
-    const std::string option = "--temperature: ";  // a run's; here it is of the file
+    const std::string option = "--temperature: ";  // option of a run, here a key of the file
     if (!plan && plan.error().message.starts_with(option))
       return input_error("{}: key 'temperatures_c', leg {}: {}", campaign.file, plans.size() + 1,
                          plan.error().message.substr(option.size()));
@@ -286,13 +286,13 @@ Result<std::vector<RunPlan>> plan_legs(const Campaign& campaign, const RunReques
   return plans;
 }
 
-// What the first `count` legs can tell apart. Where it is what all of them can, those to come make sigmas smaller, and nothing else.
+// Returns what the first `count` legs can distinguish. When that is all that all legs can, further legs only reduce sigmas.
 auto reach_of(const Campaign& campaign, std::size_t count) {
   constexpr std::size_t all_shapes = 5,
-                        repeats = 2;  // temperatures for every shape, switch-ons that tell how they repeat
+                        repeats = 2;  // temperatures for every shape; switch-ons to see the repeatability
   std::set<double> temperatures;
   std::set<int> switch_ons;
-  std::set<std::pair<std::string, bool>> ways;  // a station with a ramp of its own, up or down
+  std::set<std::pair<std::string, bool>> ways;  // station (its ramp) and direction
   for (std::size_t k = 0; k < count; ++k) {
     const CampaignLeg& leg = campaign.legs[k];
     temperatures.insert(leg.temperature_c);
@@ -303,7 +303,7 @@ auto reach_of(const Campaign& campaign, std::size_t count) {
                     std::min(switch_ons.size(), repeats), ways);
 }
 
-// Of which least is known at a temperature of the campaign. Nothing: the station says of none what is enough.
+// Returns the parameter of which least is known at a temperature of the campaign. Empty: the station has no requirement.
 std::optional<NeededSigma> least_known(const Campaign& campaign, const ThermalModel& model,
                                        const StationConfig& station) {
   std::vector<NeededSigma> all;
@@ -319,14 +319,14 @@ std::optional<NeededSigma> least_known(const Campaign& campaign, const ThermalMo
   return worst == all.end() ? std::nullopt : std::optional(*worst);
 }
 
-// From the leg before, until the air is within the band; what the first one begins with is not known.
+// Returns the time from the previous leg until the air has settled; the temperature before the first leg is unknown.
 double chamber_s(const Campaign& campaign, const std::vector<RunPlan>& plans, std::size_t leg) {
   const ChamberConfig& chamber = *plans[leg].station.chamber;
   const double way_c = std::abs(campaign.legs[leg].temperature_c - campaign.legs[leg > 0 ? leg - 1 : 0].temperature_c);
   return 60.0 * std::max(0.0, way_c - chamber.band_c) / chamber.described.limits.ramp_c_per_min + chamber.settle_s;
 }
 
-// A leg that says no more than what its sequence is expected to determine.
+// Returns a leg with what its sequence is expected to determine.
 ThermalLeg expected_leg(double temperature_c, const Prediction& prediction) {
   ThermalLeg leg;
   leg.temperature_c = temperature_c;

@@ -1,6 +1,6 @@
-// From legs, recordings of one unit at several temperatures or what was calibrated from them, to parameters as functions of temperature.
+// Fits parameters as functions of temperature to legs: recordings of one unit at several temperatures, or their calibrations.
 //
-// docs/thermal.md says what a leg may be, and from where its temperature, rate, direction and switch-on are known.
+// docs/thermal.md says what a leg may be, and how its temperature, rate, direction and switch-on are found.
 #pragma once
 
 #include <functional>
@@ -31,32 +31,32 @@ struct ThermalOutput {
 
 Result<ThermalOutput> thermal_calibration(const ThermalRequest& request);
 
-// One unit calibrated at several temperatures, unattended: a run in the chamber for each leg, then its parameters as functions of
-// temperature. docs/thermal.md has the keys of its file, and what OUT holds.
+// Calibrates one unit at several temperatures, unattended: a run in the chamber for each leg, then its parameters as functions of
+// temperature. docs/thermal.md has the keys of the campaign file, and what OUT holds.
 //
-// What is there is not done again: the same command goes on after a pause, a fault or a kill, in the leg that was interrupted. The unit is switched by
-// hook.switch_on of the station; without one the campaign pauses for it. Every leg ends with the chamber off, as any run does.
-// Not modelled: a dry run switches nothing on, so all its legs have one turn-on bias.
+// What is done is not repeated: after a pause, a fault or a kill the same command goes on in the interrupted leg. The station's
+// hook.switch_on switches the unit; without one the campaign pauses for it. Every leg ends with the chamber off, as any run does.
+// Not modelled: a dry run does not switch the unit, so all its legs have the same turn-on bias.
 struct CampaignLeg {
   double temperature_c = 0.0;
   std::string sequence;  // file; empty: the fourteen steps
   std::string station;   // file; empty: the campaign's
   bool switch_on = false;
-  int switch_on_number = 1;  // legs of one number had one switch-on
+  int switch_on_number = 1;  // legs with one number share a switch-on
 };
 
 struct Campaign {
   std::string file, unit = {}, rig = {};
-  PlannedSite site = {};  // the station, and the noise of the plan
+  PlannedSite site = {};  // station, and noise assumed by the plan
   std::vector<CampaignLeg> legs = {};
 };
 Result<Campaign> read_campaign(const std::string& path);
 
-// `asked`: dry run, session, operator and the like, for every leg. An error of kind interrupted: the same command goes on.
+// `asked`: dry run, session, operator and the like, for every leg. After an error of kind interrupted the same command goes on.
 Result<ThermalOutput> run_campaign(const Campaign& campaign, const RunRequest& asked, const std::string& out,
                                    CommandContext& context);
 
-// What each leg takes, and the sigma that all of them would give every coefficient (expected_thermal_sigmas).
+// Returns the time of each leg, and the sigma that all of them together would give every coefficient (expected_thermal_sigmas).
 Result<Document> plan_campaign(const Campaign& campaign);
 
 }  // namespace turncal
