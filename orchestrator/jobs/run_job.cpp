@@ -54,7 +54,7 @@ Status seal_like(const RunUnit& unit, const RunUnit& sealed) {
   return rename_durably(partial_of(unit), recording_of(unit));
 }
 
-// Nothing when no parameters came of it.
+// Checks the parameter file against the journal; success when no parameters were estimated.
 Status check_parameters(const RunUnit& unit, const JournalContents& contents) {
   const JournalFields* const results = contents.newest(contents.results, unit.serial);
   const std::string expected = results != nullptr ? value_of(*results, "parameters_hash") : "";
@@ -66,7 +66,7 @@ Status check_parameters(const RunUnit& unit, const JournalContents& contents) {
       fmt::format("{}: is not the file that this run made: expected hash {}, found {}", path, expected, found));
 }
 
-// An error when it is damaged, or not the one that the run of this journal sealed for that unit: nothing may be made of it.
+// Returns an error, so that nothing is made of it, when the recording is damaged or is not the one that this run sealed for the unit.
 Status check_sealed(const LoadedRecording& loaded, const JournalContents& contents, std::size_t unit) {
   const RecordingDamage& damage = loaded.damage;
   if (damage.lost_data() || !damage.complete || damage.torn_tail_bytes > 0) return damaged(loaded);
@@ -76,8 +76,8 @@ Status check_sealed(const LoadedRecording& loaded, const JournalContents& conten
                                   loaded.path, expected, loaded.hash));
 }
 
-// Recordings that were complete when the run was interrupted, one that had no time to be finished among them. False: they are
-// not, and the run has to go on with devices.
+// Completes recordings that were whole when the run was interrupted, one that had no time to be finished among them. False: they are
+// not whole, and the run has to go on with devices.
 Result<bool> sealed_recordings(const Run& run) {
   const RunUnit* sealed = nullptr;
   std::vector<const RunUnit*> open;
@@ -93,8 +93,8 @@ Result<bool> sealed_recordings(const Run& run) {
   return true;
 }
 
-// Of a run that is over: its parameter files are those it made; its recordings are there as they were sealed, or were pruned, and none
-// goes on.
+// Checks a run that is over: its parameter files are those it made; its recordings are as they were sealed, or were pruned, and no
+// partial one is left.
 Status check_what_is_over(const Run& run, const JournalContents& contents) {
   const std::vector<RunUnit>& units = run.units;
   for (std::size_t i = 0; i < units.size(); ++i) {
@@ -119,7 +119,7 @@ Status check_what_is_over(const Run& run, const JournalContents& contents) {
   return {};
 }
 
-// With what the journal says of them.
+// Reads the sealed recordings and what the journal says of them.
 Status read_sealed_recordings(Run& run, const JournalContents& contents) {
   for (std::size_t i = 0; i < run.units.size(); ++i) {
     RunUnit& unit = run.units[i];
@@ -180,7 +180,7 @@ Status note_attempt(const Run& run, const RunUnit& unit, const std::string& outc
   return stored(database.note(attempt));
 }
 
-// To a server; what cannot be sent is said in the log and does not hold up a run.
+// Sends rows to the server; a failure is logged and does not hold up a run.
 void send_on(Run& run) {
   if (const std::string trouble = send_records(run.station); !trouble.empty()) run.say(trouble);
 }
@@ -191,7 +191,7 @@ Status note_running(Run& run, double utc_s) {
   return {};
 }
 
-// Before there was a run. A refusal makes no database, and why it was refused is said whether it can be noted or not.
+// Notes a run that was refused before it began. A refusal makes no database, and its reason is reported whether or not it can be noted.
 Error refused(const RunPlan& plan, const Error& why, CommandContext& context) {
   auto limit = limit_storage(records_file(plan.station), "run", context);
   const double utc_s = plan.request.dry_run ? plan.rig.start_utc_s : wall_utc_s();
@@ -205,7 +205,7 @@ Error refused(const RunPlan& plan, const Error& why, CommandContext& context) {
   return why;
 }
 
-// What became of units that have no calibration: the others were noted with theirs.
+// Notes the outcome of units without a calibration; the others were noted with theirs.
 Status note_outcomes(const Run& run) {
   for (const RunUnit& unit : run.units) {
     std::string outcome = outcome_of(run, unit);
@@ -228,7 +228,7 @@ RunEnd with_units(RunEnd end, const Run& run) {
   return end;
 }
 
-// What the station wants kept and told of every unit; what became of them is not changed by it.
+// Notes the outcomes and runs the hooks of every unit; the outcomes do not change by that.
 RunEnd conclude(RunEnd end, Run& run, CommandContext& context) {
   for (RunUnit& unit : run.units)
     if (!end.to_the_end && unit.status) unit.status = end.status;
@@ -249,7 +249,7 @@ RunEnd conclude(RunEnd end, Run& run, CommandContext& context) {
     call.unit = unit.serial;
     call.folder = unit.folder;
     call.outcome = outcome_of(run, unit);
-    if (unit.status && call.outcome == to_string(UnitVerdict::not_judged)) {  // nobody has said that it is good
+    if (unit.status && call.outcome == to_string(UnitVerdict::not_judged)) {  // there is no verdict that it is good
       call.event = "needs_operator";
       call.message = outcome_words(call.unit, call.outcome, reason_of(run, unit.verdict));
     }
@@ -269,7 +269,7 @@ RunEnd finish_sealed(Run& run, const JournalContents& contents, CommandContext& 
   return {status_of(run), true};
 }
 
-// Whoever had dropped out. late: also those after the last completed dwell, which a run that goes on takes back.
+// Marks the units that had dropped out. late: also those after the last completed dwell, which a resumed run takes back.
 void mark_dropped(const JournalContents& contents, bool late, std::vector<RunUnit>& units) {
   for (RunUnit& unit : units) {
     unit.dropped = false;
@@ -298,7 +298,7 @@ RunEnd say_over(const JournalContents& contents, const std::string& folder, std:
   return with_units({status_of(run), true}, run);
 }
 
-// A rig's time stands where the last dwell ended: what ended the run would strike again. Whoever resumes has repaired it.
+// Removes faults of the rig that would strike again, because its time stands where the last dwell ended. Whoever resumes has repaired them.
 void repair(const JournalContents& contents, RigConfig& rig) {
   for (const auto& at : contents.failed)
     std::erase_if(rig.faults, [&](const RigFault& fault) {
@@ -308,10 +308,10 @@ void repair(const JournalContents& contents, RigConfig& rig) {
     });
 }
 
-// Where a run goes on that had completed a dwell; its simulated devices are put back there.
+// Returns where a run with a completed dwell resumes; its simulated devices are put back there.
 Result<ResumePoint> resume_point(const Run& run, const JournalContents& contents, RunDevices& devices) {
   const CompletedDwell& last = *contents.last_dwell;
-  // What the chamber did to the unit is not in the journal's commands: it is brought there again, and time passes.
+  // The journal's commands do not hold the chamber's effect on the unit: it is brought to temperature again, and time passes.
   ResumePoint point{last, devices.rig && !devices.prompts && !devices.chamber};
   for (const RunUnit& unit : run.units) point.dropped.push_back(unit.dropped);
   if (devices.rig) TRY(devices.rig->put_back(contents.commands, last.time_s));
@@ -371,7 +371,7 @@ AttemptRecord attempt_record(const Run& run, const RunUnit& unit) {
   AttemptRecord attempt;
   set_texts(facts_of(run, unit), fields_of(attempt));
   if (!unit.folder.empty()) attempt.folder = std::filesystem::absolute(unit.folder).lexically_normal().string();
-  // A run of several units has a folder for each.
+  // The folder identifies the unit in a run of several.
   if (!run.request.began_utc.empty()) attempt.run = run.request.began_utc + " " + attempt.folder;
   attempt.unit = unit.serial;
   attempt.simulated = run.simulated();
@@ -470,7 +470,7 @@ RunEnd begin_run(const RunRequest& request, const std::string& folder_path, Comm
   const double utc_s = devices->devices().clock.utc_s();
   if (Status status = look_ahead(plan, folder_path, utc_s); !status) return refused(plan, status.error(), context);
 
-  const StopSignals signals(FirstInterrupt::pauses);  // from here on others see the run, and can pause it
+  const StopSignals signals(FirstInterrupt::pauses);  // from here on others see the run and can pause it
   auto limit = limit_storage(folder_path, "run", context);
   Result<OutputFolder> folder = OutputFolder::prepare(
       folder_path,
@@ -490,8 +490,7 @@ RunEnd begin_run(const RunRequest& request, const std::string& folder_path, Comm
   send_on(run);
 
   RunEnd end = record_run(run, *devices, context);
-  const bool interrupted =
-      !end.status && end.status.error().kind == ErrorKind::interrupted;  // there is something to go on with
+  const bool interrupted = !end.status && end.status.error().kind == ErrorKind::interrupted;  // can be resumed
   for (std::size_t i = 0; i < run.units.size(); ++i) {
     if (run.units[i].recorded_s <= 0.0 && !interrupted && !end.moved) continue;
     folder->keep();
@@ -503,8 +502,8 @@ RunEnd begin_run(const RunRequest& request, const std::string& folder_path, Comm
 RunEnd resume_run(const std::string& folder, const RunRequest& now, CommandContext& context) {
   const std::string path = folder + "/" + journal_name;
   if (!path_exists(path)) return input_error(folder + ": holds no " + journal_name + ": expected the folder of a run");
-  const StopSignals signals(FirstInterrupt::pauses);     // from here on others see the run, and can pause it
-  JournalFile journal = TRY(JournalFile::reopen(path));  // its lock: nobody else goes on with this run
+  const StopSignals signals(FirstInterrupt::pauses);     // from here on others see the run and can pause it
+  JournalFile journal = TRY(JournalFile::reopen(path));  // locked, so that nobody else resumes this run
   const LockFile held = TRY(hold_folder(folder));
   const JournalContents contents = TRY(read_journal(path));
   context.tag = tag_of(contents);
