@@ -20,9 +20,9 @@ namespace {
 constexpr double judged_period_s = 0.05;
 constexpr double excess_weight = 60.0;
 constexpr double undetermined_cost = 10.0;
-constexpr double first_threshold = 0.02;  // what may be worse at the beginning of the search
+constexpr double first_threshold = 0.02;  // increase of cost accepted at the beginning of the search
 constexpr int most_share = 12;
-constexpr double pose_step_deg = 30.0;  // of the poses that the bound looks at
+constexpr double pose_step_deg = 30.0;  // between the poses of the bound
 constexpr std::array<double, 7> turns_deg{90.0, 180.0, 360.0, 45.0, 135.0, 270.0, 30.0};
 
 std::vector<Axis> axes_of(const DesignTask& task) {
@@ -36,7 +36,7 @@ double rate_on(const DesignTask& task, Axis axis, double rate_degps) {
   return std::min(rate_degps, task.limits[axis].max_rate_degps);
 }
 
-// Walks that are changed here have no times: their rests are shares of the time that the turns leave. timed() gives them samples.
+// Changes walks whose rests are not times but shares of the time that the turns leave. timed() gives them samples.
 class Search {
  public:
   explicit Search(const DesignTask& task) : task_(task), random_(task.seed), axes_(axes_of(task)) {}
@@ -45,7 +45,7 @@ class Search {
     if (axes_.empty()) return input_error("no axis may turn by a degree: expected at least one that may");
     Walk now = begin();
     std::optional<double> cost = judge(now);
-    while (!cost && !now.legs.empty()) {  // too long: fewer legs
+    while (!cost && !now.legs.empty()) {  // too long: drops legs
       now.legs.pop_back();
       cost = judge(now);
     }
@@ -88,7 +88,7 @@ class Search {
  private:
   std::size_t below(std::size_t n) { return std::size_t(random_() % n); }
 
-  // The walk to start from: rests in units of its shortest, rates that are among those to choose from.
+  // Returns the first walk: rests in units of its shortest, rates among the choices.
   Walk begin() const {
     std::int64_t shortest = std::max<std::int64_t>(1, task_.start.first_rest_samples);
     for (const Leg& leg : task_.start.legs)
@@ -118,7 +118,7 @@ class Search {
     return leg_of(axis, turn_deg, rate_degps, 1 + int(below(3)));
   }
 
-  // As far and as fast as the axis may, if that is less.
+  // Limits turn and rate to those of the axis.
   Leg leg_of(Axis axis, double turn_deg, double rate_degps, int share) const {
     const double most_deg = travel_of(task_.limits[axis]).longest_turn_deg;
     return {axis, std::clamp(turn_deg, -most_deg, most_deg), rate_on(task_, axis, rate_degps), share};
@@ -142,7 +142,7 @@ class Search {
         legs.insert(at(k), {leg, back});
         break;
       }
-      case 6: {  // a run of legs in the other order, the other way
+      case 6: {  // reverses the order of a run of legs
         const std::size_t first = below(n), last = first + below(std::min<std::size_t>(n - first, 6));
         std::reverse(at(first), at(last + 1));
         break;
@@ -156,9 +156,9 @@ class Search {
     return walk;
   }
 
-  // In samples of a unit of this period; nothing where the turns leave too little.
+  // Returns the walk with rests in samples of this period; nothing when the turns leave too little time.
   std::optional<Walk> timed(Walk walk, double period_s) const {
-    // Three turns with no rest among them: the bound knows of two.
+    // Rejects three turns without a rest between them; the bound assumes at most two.
     for (std::size_t k = 1; k < walk.legs.size(); ++k)
       if (walk.legs[k - 1].rest_samples == 0 && walk.legs[k].rest_samples == 0) return std::nullopt;
     double left_s = task_.time_s;
@@ -188,7 +188,7 @@ class Search {
     header.rate_degps = task_.rates_degps.front();
     header.acceleration_degps2 = task_.acceleration_degps2;
     const Result<Sequence> sequence = parse_sequence(sequence_text(*walk, header), "walk");
-    if (!sequence) return std::nullopt;  // cumulative angles beyond those of the grammar
+    if (!sequence) return std::nullopt;  // cumulative angles beyond the grammar's limits
     PlanLimits limits = task_.limits;
     limits.sample_period_s = judged_period_s;
     const Plan plan = make_plan(*sequence, limits);
@@ -237,9 +237,9 @@ double cost_of(const std::vector<AliasPair>& pairs) {
 }
 
 constexpr int settling_tries = 1500;
-constexpr double from_pose_to_pose_s = 60.0;  // the way to the start of the legs, at most, as a first guess
+constexpr double from_pose_to_pose_s = 60.0;  // first guess of the time to the start of the legs
 
-// Where the cable still lets every axis go: it counts what the plan has turned.
+// Returns the limits that the cable leaves, given what the plan has turned.
 PlanLimits within_cable(PlanLimits limits, const Plan& plan) {
   for (const Axis axis : all_axes) {
     AxisLimits& of = limits.axis[std::size_t(axis)];
@@ -250,7 +250,7 @@ PlanLimits within_cable(PlanLimits limits, const Plan& plan) {
   return limits;
 }
 
-// What the legs add to the plan. Nothing: the table may not run both.
+// Returns the time that the legs add to the plan; nothing when the table may not run both.
 std::optional<double> added_s(const SettlingTask& task, const std::string& text) {
   const Result<Sequence> legs = parse_sequence(text, "settling");
   if (!legs) return std::nullopt;

@@ -55,7 +55,7 @@ Error bad_value(const std::string& file_name, const std::string& key, const std:
   return input_error(file_name + ": key '" + key + "' = '" + value + "': expected " + expected);
 }
 
-// Into `value` (times `unit`) where the key is there.
+// Reads a key into `value` (times `unit`) if it is there.
 Status take(const ParameterFile& file, const std::string& file_name, const std::string& key, double unit,
             double& value) {
   const std::string* const text = find_further(file, key);
@@ -68,7 +68,7 @@ Status take(const ParameterFile& file, const std::string& file_name, const std::
 
 constexpr std::int64_t no_end = std::numeric_limits<std::int64_t>::max();
 
-// Whether the unit rests over a sample, for samples in counter order.
+// Tells whether the unit rests during a sample; call at() in counter order.
 class RestOf {
  public:
   explicit RestOf(const Segments& segments) : segments_(segments) {}
@@ -78,7 +78,7 @@ class RestOf {
     return index_ < segments_.size() && counter >= segments_[index_].start_sample &&
            segments_[index_].kind != SegmentKind::rotate;
   }
-  // How many of [begin, end) it does not rest over, begin not before what at() was asked for.
+  // Counts the samples of [begin, end) in motion; begin must not be before the last sample of at().
   std::int64_t moving_in(std::int64_t begin, std::int64_t end) const {
     if (segments_.empty()) return 0;
     std::int64_t resting = 0;
@@ -94,10 +94,10 @@ class RestOf {
   std::size_t index_ = 0;
 };
 
-// Which samples a calibration would not believe. A hand and a vehicle jerk: there only what no unit can have felt counts.
+// Finds the samples that a calibration would reject. Hands and vehicles jerk, so for them only physically impossible samples count.
 class FaultySamples {
  public:
-  // What stands out of its neighbours is known when so many samples have come after it.
+  // An outlier is recognised after this many later samples.
   static constexpr std::size_t settled_after = 3;
 
   FaultySamples(const RecordingInfo& info, const Segments& segments, bool on_table)
@@ -105,8 +105,8 @@ class FaultySamples {
         compressor_(info, on_table ? CompressionOptions{} : rest_compression_options()),
         feed_(compressor_, segments_) {}
   void add(std::span<const ImuSample> samples) { feed_.add(samples); }
-  // For samples in counter order, each settled, with its neighbours: the channel that cannot be; nothing: it may be true. What rises and
-  // stays up is the beginning of a turn.
+  // Returns the impossible channel of a sample, if any; call it in counter order, for samples that have settled. A value that rises and
+  // stays up is the beginning of a turn, not an outlier.
   std::optional<std::size_t> fault_of(const ImuSample& before, const ImuSample& sample, const ImuSample& after) {
     const std::int64_t counter = sample.counter;
     const std::vector<DataEvent>& events = compressor_.recording().events;
@@ -128,10 +128,10 @@ class FaultySamples {
   std::size_t next_ = 0;
 };
 
-// What is lost is filled in, interval by interval. More than this is a counter that jumped, or two recordings in one.
+// Gaps are filled, interval by interval. A longer loss is a counter that jumped, or two recordings in one.
 constexpr double most_lost_s = 86400.0;
 
-// What no unit on a table, in a hand or in a vehicle can feel in an interval.
+// Returns whether a unit on a table, in a hand or in a vehicle can experience an interval's motion.
 bool can_be(const MotionInterval& interval) {
   constexpr double most_mps2 = 1e4;
   return interval.push_mps.norm() <= most_mps2 * interval.duration_s && interval.turn.coeffs().allFinite();
@@ -200,7 +200,7 @@ Status EffectTerms::of_motion_alone(RecordingSource& source, const ParameterFile
     s.w_dot_b.setZero();
     if (&before != &after)
       s.w_dot_b = (rate(after) - rate(before)) / (recording.middle_s(after) - recording.middle_s(before));
-    s.C_nb.setIdentity();  // what needs it was refused
+    s.C_nb.setIdentity();  // effects that need it were rejected
     s.duration_s = block.duration_s;
     s.time_s = recording.middle_s(block);
     s.since_rotation_s = 1e9;
@@ -253,7 +253,7 @@ Result<StoredCovariance> stored_covariance(const ParameterFile& file, const std:
     stored.source = "sigmas";
     stored.covariance = sigma.cwiseAbs2().asDiagonal();
   }
-  std::vector<int> rows;  // those that have a line, in order
+  std::vector<int> rows;  // parameters with a line, in order
   for (int k = 0; k < parameter_count; ++k) {
     const std::string key = "quality.covariance." + parameter_key(k);
     const std::string* const text = find_further(file, key);
@@ -282,7 +282,7 @@ Result<StoredCovariance> stored_covariance(const ParameterFile& file, const std:
 }
 
 SampleCalibration::Increments SampleCalibration::of(const ImuSample& sample, double period_s) {
-  // A thermometer's step of 0.01 C is worth less than what anything here is known to.
+  // A temperature step of 0.01 C changes less than anything here is known to.
   if (temperature && std::isfinite(sample.temperature_c) && temperature_can_be(sample.temperature_c) &&
       !(std::abs(sample.temperature_c - temperature->now_c) < 0.01F)) {
     temperature->now_c = sample.temperature_c;
@@ -326,7 +326,7 @@ Result<SampleCalibration> SampleCalibration::make(const ParameterFile& file, con
         "{}: its parameters depend on temperature, and {} has none for {:.0f} s: expected a reading in "
         "every {:.0f} s",
         path, source.path(), s, longest_silence_s);
-  // Until the first reading, as at it; between readings, as at the last.
+  // The first reading holds until then; between readings, the last.
   made.model = sensor_model(from_vector(file.temperature->at(file.parameters, *first_c)), source.info());
   made.temperature = TemperatureCourse{*file.temperature, file.parameters, source.info(), lowest_c, highest_c};
   return made;
@@ -348,15 +348,15 @@ Result<IntegratedSamples> integrate_recording(RecordingSource& source, const Str
   std::optional<std::int64_t> first;
   std::int64_t begin = 0, end = 0;
   IntegratedSamples found;
-  std::optional<std::int64_t> last;  // taken
-  // What rests all the time is jerked by no hand, whatever angles its table has.
+  std::optional<std::int64_t> last;  // last sample taken
+  // A recording that is at rest all the time is not jerked by hand, whatever its table angles.
   const bool turns =
       std::ranges::find(source.segments(), SegmentKind::rotate, &Segment::kind) != source.segments().end();
   const bool on_table =
       reference == nullptr && !source.segments().empty() && (!turns || !without_table_angles(source.segments()));
   FaultySamples faulty(source.info(), source.segments(), on_table);
   bool gyro_lives = false, accel_lives = false;
-  std::vector<ImuSample> waiting;  // until they are settled
+  std::vector<ImuSample> waiting;  // not yet settled
   double lost_s = 0.0;
   ImuSample before{};
   const auto take = [&](std::size_t count) -> Status {
@@ -398,7 +398,7 @@ Result<IntegratedSamples> integrate_recording(RecordingSource& source, const Str
     if (!first) {
       first = block.front().counter;
       begin = *first + std::llround(stretch.from_s / period_s);
-      const double most = 1e15;  // of a counter
+      const double most = 1e15;  // upper limit of a counter
       end = stretch.to_s ? *first + std::llround(std::min(*stretch.to_s / period_s, most)) : no_end;
       const std::int64_t known = source.segments().empty() ? 0 : source.segments().back().end_sample - begin;
       for (CalibratedIntervals& file : files) file.integrator.reserve(std::clamp<std::int64_t>(known, 0, 100'000'000));
@@ -435,7 +435,7 @@ CalibratedSource::CalibratedSource(RecordingSource& source, SampleCalibration ca
 }
 
 Status CalibratedSource::stream(const Sink& sink) {
-  SampleCalibration calibration = calibration_;  // it goes forward only
+  SampleCalibration calibration = calibration_;  // a copy, because it only goes forward
   std::vector<ImuSample> calibrated;
   return source_.read([&](std::span<const ImuSample> block) {
     calibrated.assign(block.begin(), block.end());

@@ -39,7 +39,7 @@ std::string yaml_list(const std::string& key, const Vector3d& v, const char* uni
   return key + ": [" + row_text(v) + "]  # " + unit + "\n";
 }
 
-// What the form has no place for, as comments: effects but those named, and `more`.
+// Lists, as comments, what the form cannot hold: effects except those in `held`, and `more`.
 std::string not_held(const ForeignCalibration& of, const char* mark, const std::string& more,
                      std::initializer_list<std::string_view> held = {}) {
   std::vector<std::string> missing;
@@ -55,7 +55,7 @@ std::string not_held(const ForeignCalibration& of, const char* mark, const std::
   return text + mark + " not held: " + (missing.empty() ? "nothing" : join(missing)) + "\n";
 }
 
-// X = M C: M lower triangular with a positive diagonal, C orthogonal.
+// Factors X = M C, with M lower triangular with a positive diagonal and C orthogonal.
 std::pair<Matrix3d, Matrix3d> lower_times_rotation(const Matrix3d& X) {
   const Eigen::HouseholderQR<Matrix3d> qr(X.transpose());
   const Matrix3d R = qr.matrixQR().triangularView<Eigen::Upper>();
@@ -76,8 +76,8 @@ Matrix3d nine_of(const ForeignCalibration& of, const std::string& name, const st
   return M;
 }
 
-// Kalibr's model: raw = M C v + bias, M lower triangular, and for the accelerometers C = 1: its axes i are b turned by C_i_b. gyro_of_f f_i is what
-// raw_w has of the specific force: S_g raw_w = w_b + N0 + G f_b.
+// Kalibr's model: raw = M C v + bias, M lower triangular, and C = 1 for the accelerometers: its axes i are b turned by C_i_b. gyro_of_f f_i is the
+// part of raw_w due to specific force: S_g raw_w = w_b + N0 + G f_b.
 struct LowerTriangular {
   Matrix3d accel_M, C_i_b, gyro_M, C_gyro_i, gyro_of_f;
   explicit LowerTriangular(const ForeignCalibration& of) {
@@ -92,7 +92,7 @@ std::string not_seen(const std::string& key) {
   return "# " + key + ": not seen in the calibration; `turncal allan` of a long rest has it or its limit\n";
 }
 
-// Continuous densities; the random walk that drives the Gauss-Markov process of the file's bias instability.
+// Returns continuous noise densities, and the random walk that drives the Gauss-Markov process of the file's bias instability.
 std::string densities(const ForeignCalibration& of, const std::string& indent) {
   std::string text;
   const double drive = std::sqrt(2.0 / of.noise.bias_correlation_s);
@@ -170,7 +170,7 @@ std::string psins(const ForeignCalibration& of) {
          matrix("gSens", nine("gyro_g_sensitivity", ""), " \t% deg/h/g");
 }
 
-// raw = (1 + s) v + bias, axis by axis.
+// Returns s of raw = (1 + s) v + bias, axis by axis.
 Vector3d scale_errors(const Matrix3d& S) { return (1.0 / S.diagonal().array() - 1.0).matrix(); }
 
 std::string kf_gins(const ForeignCalibration& of) {
@@ -218,7 +218,7 @@ std::string ros(const ForeignCalibration& of) {
          diagonal("linear_acceleration_covariance", of.noise.velocity_random_walk, of.noise.accel_pulse_mps);
 }
 
-// What is taken off the raw reading of gyros and accelerometers, front, right, down: (rad/s, m/s^2).
+// Offsets subtracted from the raw readings of gyros and accelerometers, front, right, down: (rad/s, m/s^2).
 using Offsets = Eigen::Matrix<double, 6, 1>;
 Offsets offsets(const ForeignCalibration& of) {
   Offsets o;
@@ -227,8 +227,8 @@ Offsets offsets(const ForeignCalibration& of) {
   return o;
 }
 
-// Of the offsets at T, beside those at the file's reference: c_1 x + c_2 x^2 + c_3 x^3, x = T - about_c, a row an offset. Where scale
-// factors vary, too, the offsets are no cubic: the nearest one in the range.
+// Returns the change of the offsets at T from those at the file's reference: c_1 x + c_2 x^2 + c_3 x^3, x = T - about_c, a row an offset. When
+// scale factors vary, too, the offsets are not cubic, and this is the least-squares fit in the range.
 Eigen::Matrix<double, 6, 3> offset_cubics(const ForeignCalibration& of, double about_c) {
   const TemperaturePolynomials& t = *of.file.temperature;
   constexpr Eigen::Index points = 21;
@@ -250,7 +250,7 @@ std::string not_in_autopilot(const ForeignCalibration& of) {
          "gyro scale factors, misalignment (n_ij, a_ij), noise";
 }
 
-// Thermal offsets are taken off beside the others: what they are at the reference is the others'.
+// Thermal offsets are subtracted in addition to the others, which hold the values at the reference temperature.
 std::string px4_temperature(const ForeignCalibration& of) {
   const TemperaturePolynomials& t = *of.file.temperature;
   const Eigen::Matrix<double, 6, 3> c = offset_cubics(of, t.reference_c);
@@ -271,7 +271,7 @@ std::string px4_temperature(const ForeignCalibration& of) {
   return text;
 }
 
-// Its cubics are about 35 C and times 10^6; offsets are those at CALTEMP.
+// ArduPilot's cubics are about 35 C and scaled by 10^6; its offsets are those at CALTEMP.
 std::string ardupilot(const ForeignCalibration& of) {
   constexpr double about_c = 35.0;
   const Offsets o = offsets(of);

@@ -1,4 +1,4 @@
-// A calibration in the forms of other programs (docs/files.md): one table, one function a form.
+// Writes a calibration in the forms of other programs (docs/files.md): one table, one function a form.
 //
 // The raw readings of a form are counts times their nominal weight over the sample period, in rad/s and m/s^2:
 //   w = S_g raw_w - N0,   f = S_a raw_f - A0,   S = n or a over the nominal scale
@@ -20,7 +20,7 @@ struct ForeignCalibration {
   Eigen::Vector3d gyro_bias_radps, accel_bias_mps2;
   NoiseModel noise;
 };
-// An error when the file's noise keys cannot be read.
+// Returns an error when the file's noise keys cannot be read.
 Result<ForeignCalibration> foreign_calibration(const ParameterFile& file, const std::string& path);
 
 struct ForeignForm {
@@ -29,7 +29,7 @@ struct ForeignForm {
   bool needs_noise;
 };
 extern const std::array<ForeignForm, 7> foreign_forms;
-// An error when the form needs what the file does not have.
+// Returns an error when the file lacks something that the form needs.
 Result<std::string> write_foreign_form(const ParameterFile& file, const std::string& path, const std::string& form);
 
 }  // namespace turncal

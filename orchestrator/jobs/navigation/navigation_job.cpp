@@ -23,8 +23,8 @@ struct Branch {  // intervals
   std::size_t start = 0, length = 0;
 };
 
-// Each begins at the next rest from which on an alignment over `window_s` rests for `least_s` of them; all of it, where a reference says when
-// the unit stands. The last one, with no room to wait, may begin in a turn.
+// A branch begins at the next rest with at least `least_s` of rest within `window_s`; with a reference, which tells when the unit is at rest,
+// least_s is the whole window. The last branch, which has no room to wait, may begin in a turn.
 struct AlignmentNeeds {
   double window_s = 0.0, least_s = 0.0;
 };
@@ -56,7 +56,7 @@ std::vector<Branch> branches_of(const std::vector<MotionInterval>& intervals, do
   return found;
 }
 
-// The recording's latitude and gravity hold where the reference begins.
+// Checks that the reference begins at the recording's latitude, for which its gravity holds.
 Status check_reference(const ReferenceTrack& reference, const std::string& path, const RecordingInfo& info) {
   constexpr double near_deg = 0.1;
   const double latitude_deg = reference.at(reference.begins_s()).latitude_rad / rad_per_deg;
@@ -65,7 +65,7 @@ Status check_reference(const ReferenceTrack& reference, const std::string& path,
                      format_number(info.latitude_deg) + " deg, within " + format_number(near_deg));
 }
 
-// For increments that are calibrated already: parameters that change nothing.
+// Returns parameters that change nothing, for increments that are already calibrated.
 Result<ParameterFile> as_it_is(const RecordingInfo& info) {
   if (info.gyro_increment == IncrementKind::pulses || info.accel_increment == IncrementKind::pulses)
     return input_error("it holds pulses: expected --parameters");
@@ -78,7 +78,7 @@ Result<ParameterFile> as_it_is(const RecordingInfo& info) {
 
 std::string seconds(double s) { return std::to_string(std::llround(s)) + " s"; }
 
-// `path`: of the parameter file.
+// `path`: the parameter file.
 Result<NavigatedFile> navigate_file(const ParameterFile& file, const std::string& path,
                                     const std::vector<MotionInterval>& intervals, const RecordingInfo& info,
                                     double align_s, const std::vector<Branch>& branches, double from_s,
@@ -138,7 +138,7 @@ ParameterFile file_of(const ModelWithout& model, const JointResult& extended, Pa
   return file;
 }
 
-// The motion over each block, which holds it for any parameters: the longest stretch that lost no samples.
+// Returns the motion over each block, which does not depend on the parameters, for the longest stretch without lost samples.
 std::vector<MotionInterval> intervals_of(const CompressedRecording& recording, SampleCalibration& calibration) {
   const SensorModel& model = calibration.model;
   std::vector<MotionInterval> longest, intervals;
@@ -159,7 +159,7 @@ std::vector<MotionInterval> intervals_of(const CompressedRecording& recording, S
   return intervals.size() > longest.size() ? intervals : longest;
 }
 
-// Rms over the branches, of the distance between two tracks of the same time.
+// Returns the rms, over the branches, of the radial rate of the distance between two tracks at the same time.
 double rate_between(const NavigatedFile& one, const NavigatedFile& other) {
   std::vector<double> rates;
   for (std::size_t k = 0; k < one.branches.size(); ++k) {
@@ -302,7 +302,7 @@ Result<ReferenceTrack> read_reference(const std::string& path) {
 
 ModelWithout model_without(const JointResult& extended, const Eigen::MatrixXd& P, const std::string& name) {
   ModelWithout model{to_vector(extended.parameters), {}};
-  std::vector<Eigen::Index> rows;  // of the covariance, that are held
+  std::vector<Eigen::Index> rows;  // rows of the covariance held at zero
   for (const EstimatedEffect& effect : extended.effects) model.effects.push_back(effect.value);
   for (std::size_t i = 0; i < extended.free.size(); ++i) {
     const int key = extended.free[i] - parameter_count;
@@ -323,7 +323,7 @@ ModelWithout model_without(const JointResult& extended, const Eigen::MatrixXd& P
     else
       model.effects[std::size_t(key - parameter_count)] -= by;
   }
-  for (const Eigen::Index row : rows)  // to the bit
+  for (const Eigen::Index row : rows)  // exactly zero
     model.effects[std::size_t(extended.free[std::size_t(row)] - parameter_count)] = 0.0;
   return model;
 }

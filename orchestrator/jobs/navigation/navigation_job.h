@@ -1,13 +1,13 @@
-// Free navigation of a recording with one or two parameter files, from its samples to what is reported.
+// Navigates a recording freely with one or two parameter files, from its samples to the report.
 //
-// A table turns the unit about a fixed point, so the whole walk is navigated, turns and all, and what moves is error. Branches are
-// the same recording from other starts, spread evenly over what is left when every one of them has its full length; each begins
-// where the unit next rests.
+// A table turns the unit about a fixed point, so the whole walk is navigated, turns included, and any displacement is error. Branches
+// navigate the same recording from other starts, spread evenly over the time that leaves each its full length; each begins
+// at the next rest.
 //
-// What the effects that a diagnosis added are worth: a recording navigated freely with the 24 parameters estimated alone, with those of the
-// extended model and its effects taken off, and without each effect. What one is worth is the radial rate of the distance between two
-// tracks, with all effects and without that one. Noise is the same in both and falls out. Parameters p and the other effects then are as
-// they would have been estimated without it,
+// Effects of a diagnosis are valued by navigating a recording freely with the 24 parameters estimated alone, with those of the extended
+// model and its effects subtracted, and without each effect. An effect's worth is the radial rate of the distance between the tracks with all
+// effects and without that one. Noise is the same in both and cancels. The parameters p and the other effects are then those that
+// would have been estimated without it,
 //   p' = p - P_pe P_ee^-1 e      (P the covariance of the joint estimate, e the effect's components; least squares with e = 0)
 // Units of the catalogue and of the parameter file throughout.
 #pragma once
@@ -23,20 +23,20 @@
 
 namespace turncal {
 
-// Errors: kind input for files that cannot be used, and for a recording that is too short or does not rest.
+// Errors: kind input for unusable files, and for a recording that is too short or has no rest.
 Result<NavigationReport> navigate_recording(const NavigationRequest& request);
 
-// The reference of `turncal navigate`: a table with the columns time_s, latitude_deg, longitude_deg and, where they are known, height_m,
+// Reads the reference of `turncal navigate`: a table with the columns time_s, latitude_deg, longitude_deg and, where known, height_m,
 // velocity_north_mps and velocity_east_mps. Text (CSV) or .mat; the names are those of track.csv.
 // Errors, kind input: file, line, and what was expected.
 Result<ReferenceTrack> read_reference(const std::string& path);
 
-// On the blocks of a recording, `recording` its path. Errors: it is too short, or rests nowhere.
-// REQUIRES: effects were added.
+// Values effects on the blocks of a recording; `recording` is its path. Errors: it is too short, or has no rest.
+// REQUIRES that effects were added.
 Result<NavigationWorth> worth_of_effects(const Diagnosis& diagnosis, const DiagnosisContext& context,
                                          const std::string& recording, const CompressedRecording& blocks);
 
-// The extended model with one of its effects held at zero. `covariance`: that of the fit, not widened; its rows are extended.free.
+// The extended model with one of its effects held at zero. `covariance`: of the fit, not widened; its rows are extended.free.
 struct ModelWithout {
   ParameterVector parameters;
   std::vector<double> effects;  // as JointResult::effects; 0 for those of `name`

@@ -15,13 +15,13 @@
 namespace turncal {
 namespace {
 
-// Angles up to 360 are written in decimals: a difference is off by so much before it is compared.
+// Rounding error of a difference of angles up to 360 deg that are written in decimals.
 constexpr double of_rounding_deg = 1e-9;
 
-// A verification is fair that turns down a good unit so seldom; what noise exceeds less often is not taken for noise.
+// A verification is fair when it rejects a good unit at most this often; a deviation that noise exceeds less often is not taken for noise.
 constexpr double fair_chance = 0.05, of_noise_alone = 0.01, no_limit_deg = 1e9;
 
-// Of heading, roll and pitch. What the gyros have turned since they last counted is not in the attitude: a part of a pulse.
+// Returns the sigmas of heading, roll and pitch, with the part of a pulse that the gyros have turned since they last counted.
 std::array<double, 3> angle_sigmas_deg(const DriftMatrix& covariance, const Eigen::Quaterniond& q_nb,
                                        double gyro_pulse_rad) {
   std::array<double, 3> sigmas = angle_sigmas(covariance.topLeftCorner<3, 3>(), q_nb);
@@ -44,7 +44,7 @@ Result<NorthReading> reading_of(std::span<const MotionInterval> dwell, double ta
   return reading;
 }
 
-// The worse of two.
+// Returns the worse of two verdicts.
 UnitVerdict judge_figures(const NorthFigure& one, const NorthFigure& other, double limit, double guard_factor) {
   const auto judged = [&](const NorthFigure& figure) {
     return judge_value(figure.value_deg, figure.sigma_deg, Limit{std::nullopt, limit}, guard_factor);
@@ -52,7 +52,7 @@ UnitVerdict judge_figures(const NorthFigure& one, const NorthFigure& other, doub
   return std::max(judged(one), judged(other));
 }
 
-// Of a heading from a dwell so long, of the random walk of the level gyros alone.
+// Returns the heading sigma of a dwell of align_s, from the random walk of the level gyros alone.
 double walk_sigma_deg(const NoiseModel& noise, double latitude_deg, double align_s) {
   const double walk = noise.angle_random_walk.head<2>().norm() / std::sqrt(2.0);
   return walk / (earth_rate_radps * std::cos(latitude_deg * rad_per_deg) * std::sqrt(align_s)) / rad_per_deg;
@@ -66,7 +66,7 @@ void judge_north(const VerdictLimits& limits, const NoiseModel& noise, Verificat
   report.heading = judge_figures(found.deviation[0], found.mean_heading, limits.heading_deg, limits.guard_factor);
   report.level = judge_figures(found.deviation[1], found.deviation[2], limits.level_deg, limits.guard_factor);
   report.false_fail = false_fail_probability(found, limits.heading_deg, limits.level_deg);
-  // Above the limit, but no more than noise would be of a unit without a fault: nothing is said of its calibration.
+  // A deviation above the limit that noise alone explains says nothing about the calibration.
   const double seen_deg = std::max(found.deviation[0].value_deg, found.mean_heading.value_deg);
   const double factor = longer_alignment(found, limits.heading_deg, fair_chance,
                                          walk_sigma_deg(noise, report.info.latitude_deg, report.align_s));
@@ -95,7 +95,7 @@ bool is_north_dwell(const Segment& segment, int first_step) {
 }  // namespace
 
 Status check_north_seeking(const Segments& segments, int first_step, double sample_period_s, const std::string& where) {
-  int searches = 0, readings = 0;  // of the position
+  int searches = 0, readings = 0;  // counts in the present position
   const Segment* last = nullptr;
   const auto alone = [&] {
     return input_error("{}: step {}: one alignment at heading {}, expected at least two: one alone has no deviation",
@@ -144,7 +144,7 @@ Result<VerificationReport> verify_recording(const VerificationRequest& request) 
   std::vector<NorthReading> searches, readings;
   std::vector<MotionInterval> rests;
   double shortest_s = 1e300;
-  std::vector<std::pair<double, int>> positions;  // heading of the table, readings that are left
+  std::vector<std::pair<double, int>> positions;  // table heading, readings left
   VerificationReport report;
   if (source.damage().lost_data()) report.damage = describe(source.damage());
   report.faults = integrated.faults;
@@ -162,7 +162,7 @@ Result<VerificationReport> verify_recording(const VerificationRequest& request) 
                       gap_words(*gap)));
       continue;
     }
-    // Whole intervals inside the segment.
+    // Takes the whole intervals inside the segment.
     const double samples_each = double(files.front().integrator.samples_per_interval());
     const auto place = [&](std::int64_t sample) {
       return double(std::max(std::int64_t{0}, sample - integrated.first_sample)) / samples_each;
