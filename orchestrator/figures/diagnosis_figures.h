@@ -1,5 +1,5 @@
-// The figures of a diagnosis: residual velocity against time, Allan deviation, the residual against what it may depend on, dwell by dwell,
-// and the bar chart of the candidates' scores against their common threshold.
+// Figures of a diagnosis: residual velocity over time, Allan deviation, residuals of each dwell against their possible causes,
+// and the bar chart of the candidates' scores with their common threshold.
 #pragma once
 
 #include <Eigen/Core>
@@ -20,23 +20,23 @@ inline std::string component_name(const EffectColumn& column) {
   return std::string(column.entry->components[std::size_t(column.component)]);
 }
 inline double z_of(const EstimatedEffect& e) { return e.sigma > 0.0 ? std::abs(e.value) / e.sigma : 0.0; }
-// The components of an effect that were estimated, in their order; and the strongest first.
+// Return the estimated components of an effect: in order, and the strongest first.
 std::vector<const EstimatedEffect*> components_of(const JointResult& result, std::string_view effect);
 std::vector<const EstimatedEffect*> strongest_of(const JointResult& result, std::string_view effect);
 
-// Effects were added: two curves, before and after; else one.
+// Returns whether effects were added: then there are two curves, before and after.
 inline bool has_after(const Diagnosis& diagnosis) { return !diagnosis.effect_names.empty(); }
-// One series or two, without points: residual, or before and after.
+// Returns one or two series without points: residual, or before and after.
 std::vector<Series> before_after_series(bool with_after);
 
 Figure time_figure(const Diagnosis& diagnosis);
-// On every axis of time ("time, h", "time, min") where the steps of the sequence begin.
+// Marks the beginnings of the sequence's steps on every time axis ("time, h", "time, min").
 void mark_steps(const CompressedRecording& recording, Figure& figure);
-// `other`: its deviations beside those, open circles.
+// `other`: deviations for comparison, as open circles.
 Figure allan_figure(const AllanResult& allan, const AllanResult* other = nullptr);
 
-// What each dwell after a rotation says about the residual, in the axes of the sensors. The residual is the velocity (n frame, m/s) that the unit shows when it is navigated freely from the beginning of the last
-// rotation on, although it stands. From each dwell after a rotation three numbers are read off:
+// The residual of one dwell after a rotation, in the axes of the sensors: the velocity (n frame, m/s) that free navigation from the beginning
+// of the last rotation shows although the unit is at rest. Each such dwell gives three numbers:
 //   v(t) = v0 + a t + j t (t - T) / 2, t from the start of the dwell, least squares over T, at most 120 s
 //   accelerometer residual  C_bn a                   excess reading of the accelerometers (and g times the tilt error)
 //   tilt residual           C_bn (a_E, 0, -a_N) / g  attitude error that the rotation left; horizontal axes only
@@ -68,16 +68,16 @@ std::vector<DwellResidual> dwell_residuals(const Diagnosis& diagnosis, const Com
 // rms of the residual velocity over the first velocity_seconds of every dwell, as on held-out data (holdout.h). NaN: none.
 double velocity_rms_mps(const Diagnosis& diagnosis, bool after);
 
-// Before and after an effect was added, against the quantity the effect depends on: a panel for each of its strongest components.
+// Draws the residual before and after an effect was added, against the quantity that it depends on: a panel for each of its strongest components.
 Figure effect_figure(const Diagnosis& diagnosis, const std::vector<DwellResidual>& dwells, const std::string& effect,
                      std::size_t number);
-// For a residual that no effect explains: against table angles, specific force, rate, temperature and time; once as an accelerometer
+// Draw a residual that no effect explains, against table angles, specific force, rate, temperature and time: once as an accelerometer
 // error, once as a gyro error.
 std::vector<Figure> unexplained_figures(const std::vector<DwellResidual>& dwells);
 
-// Of each effect that the recording can show, the component with the largest |z|; the strongest effect first.
+// Returns, for each effect that the recording can show, the component with the largest |z|; the strongest effect first.
 std::vector<const CandidateScore*> strongest_candidates(const Diagnosis& diagnosis);
-// |z| that chance reaches in false_alarm of all recordings, over all visible candidates together.
+// Returns the |z| that chance alone exceeds in a fraction false_alarm of recordings, over all visible candidates.
 double family_threshold_z(const Diagnosis& diagnosis, double false_alarm);
 
 }  // namespace turncal

@@ -1,4 +1,4 @@
-// Figures as data, and drawn: in gnuplot's language, one script for all of them, by one process, as SVG that can stand inside an HTML page.
+// Figures as data, and their drawing by gnuplot: one script and one process for all of them, as SVG for use inside an HTML page.
 #pragma once
 
 #include <array>
@@ -13,15 +13,15 @@
 
 namespace turncal {
 
-// gnuplot is a filter (child_program.h), without the user's own settings, and killed at the deadline. Every `plot` or `multiplot` under
-// `set terminal svg` is one drawing, in the order of the script. Errors are one line, those of the filter or another number of plots than
-// expected: the report then has no plots.
+// gnuplot runs as a filter (child_program.h), without the user's settings, and is killed at the deadline. Every `plot` or `multiplot` under
+// `set terminal svg` is one drawing, in the order of the script. Errors are one line: those of the filter, or an unexpected number of
+// plots; the report then has no plots.
 struct GnuplotOptions {
   std::string program = "gnuplot";  // looked up in PATH when it has no slash
   double deadline_s = 15.0;
 };
 
-// The drawings as gnuplot wrote them.
+// Returns the drawings as gnuplot wrote them.
 Result<std::vector<std::string>> run_gnuplot(std::string_view script, std::size_t drawings,
                                              const GnuplotOptions& options = {});
 
@@ -36,11 +36,11 @@ enum class Colour { before, after, x, y, z, neutral };
 
 struct Series {
   enum class Style { line, dashed, open_circle, dot, triangle, square };
-  std::string label;  // of the legend; empty: none
+  std::string label;  // in the legend; empty: none
   Style style = Style::line;
   Colour colour = Colour::before;
   std::vector<std::pair<double, double>> points;  // NaN in either breaks a line
-  std::vector<std::string> names = {};            // of the points, for the pointer; empty: their x is said
+  std::vector<std::string> names = {};            // shown when the pointer is on a point; empty: its x
 };
 
 struct Panel {
@@ -49,31 +49,31 @@ struct Panel {
   std::vector<Series> series;
   bool logarithmic = false;  // both axes
   bool angle = false;        // x in degrees: ticks at 30, 45, 90, ...
-  double y_limit = 0.0;      // above 0: the frame ends at +- this
-  bool whole_frame = false;  // and is as large as that whatever is in it: panels that are compared
-  // x and a short name: thin lines, named at the top where there is room.
+  double y_limit = 0.0;      // above 0: the frame ends at +- this value
+  bool whole_frame = false;  // the frame always has that size, to compare panels
+  // Thin lines at x with a short name at the top where there is room.
   std::vector<std::pair<double, std::string>> marks;
-  bool named_x = false;  // or no lines: the names stand below the axis, in place of numbers
+  bool named_x = false;  // no lines: the names replace the numbers below the axis
   bool empty() const;    // nothing to draw
 };
 
 struct Figure {
   std::string id;       // letters and digits
-  std::string label;    // what it shows, for those who cannot see it
+  std::string label;    // text alternative: what it shows
   std::string caption;  // below it
   int columns = 1;
-  bool stacked = false;                       // panels over one another that share their x axis
+  bool stacked = false;                       // panels above one another with one x axis
   int panel_width = 960, panel_height = 200;  // of one panel, in px of the page
   std::vector<Panel> panels = {};
 };
 
 Figure small_panels(std::string id, std::string label, std::string caption = "");  // three to a row
 
-// At most `limit` points that keep the outline: the smallest and the largest of each stretch. Breaks stay where they are as far
+// Returns at most `limit` points that keep the outline: the smallest and the largest of each stretch. Breaks are kept as far
 // as there is room for them.
 std::vector<std::pair<double, double>> outline(const std::vector<std::pair<double, double>>& points, std::size_t limit);
 
-// A figure as gnuplot is given it.
+// A figure in the form for gnuplot.
 struct Drawing {
   struct Key {
     const char *colour, *glyph;
@@ -83,16 +83,16 @@ struct Drawing {
   std::string label;
   std::string script;                   // from `set terminal` on
   int width = 960;                      // px; 960 is the whole width of the page
-  std::vector<std::string> parts = {};  // what each of several drawings beside one another shows; width is that of one
+  std::vector<std::string> parts = {};  // what each of several drawings side by side shows; width is that of one
   std::vector<Key> legend = {};
   std::string caption = {};
 };
-// Panels beside one another are drawings of their own, so that a narrow page can put them below one another; whole: one, with a legend.
+// Returns panels side by side as separate drawings, so that a narrow page can stack them; whole: as one, with a legend.
 Drawing draw(const Figure& figure, bool whole = false);
 
-// All of them by one gnuplot, embeddable, in order.
+// Renders all of them with one gnuplot, for embedding, in order.
 Result<std::vector<std::string>> render(const std::vector<Drawing>& drawings, const GnuplotOptions& options);
-// A file of its own; dark where whoever looks is.
+// Returns the text of a separate file; it is dark when the reader's display is.
 Result<std::string> standalone_svg(const Figure& figure, const GnuplotOptions& options = {});
 
 }  // namespace turncal

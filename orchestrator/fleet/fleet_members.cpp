@@ -39,10 +39,10 @@ std::string level_of(const ParameterFile& file, const std::string& factor, const
   return value && !value->empty() ? *value : "?";
 }
 
-// "2026-01-31" of days since 1970-01-01.
+// Returns "2026-01-31" for days since 1970-01-01.
 std::string date_of(double day) { return format_utc(day * day_s).substr(0, 10); }
 
-// What earlier calibrations have left, wherever it is kept: in files below a folder (of runs, or a store of `turncal recalibrate`), or in the
+// Receives each file that earlier calibrations have left: below a folder (of runs, or a store of `turncal recalibrate`), or in the
 // rows of a results database. `where`: the file, or the database and its row.
 using EachKeptFile = std::function<void(const std::string& where, const Result<std::string>& contents)>;
 
@@ -57,8 +57,8 @@ Status in_database(const std::string& source, const std::string& name, const Eac
   });
 }
 
-// Every file called `name`, parameters.conf or statistics.tcs: below a folder in the order of paths, but for folders that begin with a dot; of a
-// database the newest of each recording. Errors: what cannot be read at all.
+// Reads every file `name`, parameters.conf or statistics.tcs: below a folder in the order of paths, except in folders that begin with a dot; from a
+// database the newest of each recording. Errors: an unreadable source.
 Status each_kept_file(const std::string& source, const std::string& name, const EachKeptFile& each) {
   if (names_a_database(source)) return in_database(source, name, each);
   std::vector<std::string> paths;
@@ -142,7 +142,7 @@ std::string keys_of(const std::vector<int>& parameters) {
   return text;
 }
 
-// The estimate again with the noise of the part in it. None: too few units say theirs, or the recording leaves directions open.
+// Repeats the estimate with the noise of the part as a prior. Empty: too few units report theirs, or the recording leaves directions undetermined.
 std::optional<NoiseOfClass> use_noise(const FleetPrior& prior, const LoadedRecording& recording,
                                       CalibrationOutput& output) {
   if (!prior.noise || !output.fit->noise_fit || !output.fit->undetermined.empty()) return std::nullopt;
@@ -206,7 +206,7 @@ Status add_prior(const PriorSource& source, const LoadedRecording& recording, co
                        fleet_limits.least_prior_units, source.part.empty() ? "" : " of part " + source.part,
                        history.size());
   if (!output.fit) return input_error(recording.path + ": a prior: expected a recording with table angles");
-  if (!output.fit->undetermined.empty()) {  // its own fit has ended anywhere along what it leaves open
+  if (!output.fit->undetermined.empty()) {  // its own fit ended anywhere along the undetermined directions
     CalibrationRequest beside = request;
     beside.known = from_vector(prior->mean);
     output = TRY(calibrate_recording(recording, beside));
@@ -256,7 +256,7 @@ namespace {
 
 using namespace cell;
 
-// "ug/g^2"; of parameters that of the parameter file.
+// Returns the unit, "ug/g^2"; for parameters that of the parameter file.
 std::string unit_of_component(const std::string& component) {
   if (const EffectEntry* const entry = find_effect(component.substr(0, component.find('.'))))
     return std::string(entry->unit);
@@ -266,7 +266,7 @@ std::string unit_of_component(const std::string& component) {
   return unit == "-" ? "" : unit;
 }
 
-constexpr std::size_t most_components = 12;  // of the table of levels, the most conspicuous ones
+constexpr std::size_t most_components = 12;  // in the table of levels, the most conspicuous ones
 constexpr std::size_t most_levels = 12;
 
 Cell display_unit(const std::string& component, const char* more = "") {
@@ -311,7 +311,7 @@ Table unit_table(const FleetDiagnosis& d, const FleetSource& source, const std::
   return table;
 }
 
-// The most conspicuous components, by level of one factor: what is left after what was found.
+// Returns the most conspicuous components, by level of one factor, after removing the effects found.
 Table level_table(const FleetDiagnosis& d, std::size_t factor) {
   const auto worst_z = [](const ComponentSummary& c) {
     double worst = 0.0;
@@ -341,7 +341,7 @@ Table level_table(const FleetDiagnosis& d, std::size_t factor) {
   return table;
 }
 
-// One panel a level, a point a recording.
+// Draws one panel for each level, with one point for each recording.
 Figure figure_of(const FleetEffect& effect, const FleetSource& source, const std::vector<std::string>& factors,
                  const FleetDiagnosis& d, std::size_t place_in_list) {
   const auto place = std::ranges::find(factors, effect.factor.empty() ? factors.front() : effect.factor);

@@ -95,7 +95,7 @@ Result<std::vector<ArchiveEntry>> listed(const std::string& path) {
   return entries;
 }
 
-// The folder of a run that a row names holds its recording; what is gone is found unreadable when its turn comes.
+// Reads entries from rows; the folder that a row names holds its recording. A missing one is found unreadable when it is processed.
 Result<std::vector<ArchiveEntry>> in_rows(const std::string& name) {
   const ResultsDatabase database = TRY(ResultsDatabase::open_to_read(name));
   std::vector<ArchiveEntry> entries;
@@ -105,7 +105,7 @@ Result<std::vector<ArchiveEntry>> in_rows(const std::string& name) {
   return entries;
 }
 
-// What is known of a recording: by the list, and by the run.
+// Returns the record of a recording, from the list and from its run.
 std::map<std::string, std::string> whole_record(const ArchiveEntry& entry) {
   std::map<std::string, std::string> record = entry.record;
   std::error_code error;
@@ -122,7 +122,7 @@ std::map<std::string, std::string> whole_record(const ArchiveEntry& entry) {
   return record;
 }
 
-// As a list, with absolute paths. An error where a path or value cannot stand in one: a comma, a line break.
+// Formats a list with absolute paths. An error when a path or value contains a comma or a line break.
 Result<std::string> format_archive(const std::vector<ArchiveEntry>& entries) {
   std::string text = "recording";
   for (const std::string& column : archive_columns) text += "," + column;
@@ -151,7 +151,7 @@ std::size_t& count_of(Outcome outcome, RecalibrationCounts& c) {
 struct Work {
   Outcome outcome = Outcome::done;
   std::string hash, reason;
-  std::optional<Error> storage;  // the store, not the recording
+  std::optional<Error> storage;  // error of the store, not of the recording
 };
 
 void add_record(const ArchiveEntry& entry, ParameterFile& file) {
@@ -159,7 +159,7 @@ void add_record(const ArchiveEntry& entry, ParameterFile& file) {
     if (!find_further(file, "record." + key)) file.add_further("record." + key, value);
 }
 
-// What becomes of a recording, as files of its folder: names, not paths.
+// Returns the results of a recording as files of its folder: names, not paths.
 Result<std::vector<NamedText>> files_of(const ArchiveEntry& entry, const LoadedRecording& recording,
                                         const RecalibrationRequest& request) {
   CalibrationRequest wanted;
@@ -187,7 +187,7 @@ Result<std::vector<NamedText>> files_of(const ArchiveEntry& entry, const LoadedR
   return files;
 }
 
-// Whether the folder is of these files. It appears whole; where another thread or process was first, its folder stays.
+// Makes the folder, all at once, and returns whether it has these files. The folder of a faster thread or process stays.
 Result<bool> keep(const std::string& folder, const std::vector<NamedText>& files) {
   const std::string temporary = temporary_name(folder);
   std::error_code error;
@@ -207,7 +207,7 @@ Result<bool> keep(const std::string& folder, const std::vector<NamedText>& files
   return first;
 }
 
-// Whether something became of a recording before. Of a folder that has lost its result nothing is kept.
+// Returns whether a recording has a result. Removes a folder that has lost its result.
 bool is_complete(const std::string& folder) {
   if (path_exists(folder + "/" + failure_name) || path_exists(folder + "/" + parameters_name)) return true;
   std::error_code error;
@@ -215,19 +215,19 @@ bool is_complete(const std::string& folder) {
   return false;
 }
 
-// What was kept of a recording, by this process or before.
+// Returns the outcome stored for a recording, by this process or earlier.
 Work as_it_stands(const std::string& hash, const std::string& folder) {
   if (!path_exists(folder + "/" + failure_name)) return {Outcome::there, hash, "", {}};
   const Result<std::string> text = read_whole_file(folder + "/" + failure_name);
   std::string_view remaining = text ? std::string_view(*text) : std::string_view();
-  next_line(remaining);  // which recording
+  next_line(remaining);  // skips the line that names the recording
   return {Outcome::failed, hash, std::string(next_line(remaining)), {}};
 }
 
 Work work_on(const ArchiveEntry& entry, const RecalibrationRequest& request) {
   const Result<LoadedRecording> recording = load_recording(entry.recording);
   if (!recording) return {Outcome::unreadable, "", recording.error().message, {}};
-  // Cut or damaged it is another recording by its hash, and would count beside the whole one.
+  // A cut or damaged recording has another hash, and would count beside the whole one.
   if (const std::string damage = describe(recording->damage); !damage.empty())
     return {Outcome::unreadable, recording->hash, damage, {}};
   const std::string folder = request.store + "/" + request.version + "/" + recording->hash;
@@ -254,7 +254,7 @@ std::string outcome_file(const RecalibrationRequest& request) {
   return fmt::format("{}/{}/recordings{}.csv", request.store, request.version, chunk);
 }
 
-// A file of outcomes: a row each, `done`, `there`, `failed` or `unreadable` first.
+// Counts the rows of a file of outcomes; each begins with `done`, `there`, `failed` or `unreadable`.
 void count_outcomes(std::string_view rows, RecalibrationCounts& counts) {
   while (!rows.empty()) {
     const std::string_view row = next_line(rows);
@@ -322,7 +322,7 @@ namespace {
 constexpr std::size_t recordings_of_a_chunk = 100, most_chunks = 1000;
 constexpr double slurm_deadline_s = 60.0;
 
-// $1: the job's folder, $2: the number of chunks, then the command.
+// Arguments: $1 the job's folder, $2 the number of chunks, then the command.
 constexpr const char* task_script = R"(#!/bin/sh
 folder=$1 chunks=$2
 shift 2
@@ -331,7 +331,7 @@ exec "$@" --chunk "$SLURM_ARRAY_TASK_ID" "$chunks" --outcome "$folder/$SLURM_ARR
 
 struct Job {
   std::string folder, name;
-  std::vector<std::string> command;  // of a task, with what the script needs
+  std::vector<std::string> command;  // command of a task, with the script's arguments
   std::vector<int> attempts;         // of each chunk
 };
 
@@ -342,7 +342,7 @@ Result<std::string> ask_slurm(const std::string& program, std::vector<std::strin
   return said->output;
 }
 
-// The tasks that are not finished and not in the queue, in one array.
+// Submits the given tasks, neither finished nor in the queue, as one array.
 Status submit(Job& job, const std::vector<int>& chunks) {
   const std::string list = fmt::format("{}", fmt::join(chunks, ","));
   std::vector<std::string> arguments = {"--parsable", "--requeue", "--job-name", job.name, "--output", "%a.log"};
@@ -356,7 +356,7 @@ Status submit(Job& job, const std::vector<int>& chunks) {
 }
 
 struct Queue {
-  std::map<int, std::string> state;  // of each chunk in it
+  std::map<int, std::string> state;  // state of each queued chunk
   std::string words() const {
     std::map<std::string, int> counts;
     for (const auto& [chunk, state_words] : state) ++counts[state_words];
@@ -412,7 +412,7 @@ Result<Job> prepare(const std::vector<ArchiveEntry>& archive, const Recalibratio
   return job;
 }
 
-// All chunks together as recordings.csv, in the order of the chunks.
+// Joins all chunks into recordings.csv, in order.
 Status collect(const Job& job, const RecalibrationRequest& request) {
   std::string all = outcome_header;
   for (std::size_t k = 0; k < job.attempts.size(); ++k) {
@@ -436,7 +436,7 @@ Result<RecalibrationCounts> recalibrate_on_slurm(const std::vector<ArchiveEntry>
   if (Status status = submit(job, open); !status) {
     std::error_code error;
     fs::remove_all(job.folder, error);
-    fs::remove(fs::path(job.folder).parent_path(), error);  // where they are empty
+    fs::remove(fs::path(job.folder).parent_path(), error);  // removed only if empty
     fs::remove(request.store, error);
     return status.error();
   }
@@ -455,7 +455,7 @@ Result<RecalibrationCounts> recalibrate_on_slurm(const std::vector<ArchiveEntry>
         missing.push_back(k);
     }
     open = still;
-    // Twice in a row: a file server may show a file late.
+    // Requires a file to be missing twice in a row, because a file server may show it late.
     std::vector<int> again;
     std::set_intersection(missing.begin(), missing.end(), gone.begin(), gone.end(), std::back_inserter(again));
     gone = missing;

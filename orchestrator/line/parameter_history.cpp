@@ -14,7 +14,7 @@ namespace {
 
 using Stretch = std::span<const double>;
 
-// At least `least` of them on one side beyond `level`.
+// Returns whether at least `least` values lie beyond `level` on one side.
 bool on_one_side(Stretch z, double level, std::ptrdiff_t least) {
   return std::ranges::count_if(z, [level](double v) { return v > level; }) >= least ||
          std::ranges::count_if(z, [level](double v) { return v < -level; }) >= least;
@@ -103,7 +103,7 @@ std::vector<std::string_view> free_parameter_keys() {
   return keys;
 }
 
-constexpr std::size_t fewest_for_capability = 5;  // the interval of fewer says nothing
+constexpr std::size_t fewest_for_capability = 5;  // with fewer the interval is too wide to be useful
 
 ControlChart control_chart(std::span<const double> values, const Limit& limit) {
   ControlChart chart;
@@ -116,7 +116,7 @@ ControlChart control_chart(std::span<const double> values, const Limit& limit) {
   for (std::size_t i = 1; i < values.size(); ++i) ranges += std::abs(values[i] - values[i - 1]);
   for (const double value : values) squares += (value - chart.mean) * (value - chart.mean);
   constexpr double d2 = 1.128, efficiency = 0.62;  // of the moving range, against the variance
-  constexpr double rounding = 1e-12;               // of values that are all the same
+  constexpr double rounding = 1e-12;               // for values that are all equal
   const bool spread = ranges > rounding * count * std::abs(chart.mean);
   const double sigma = spread ? ranges / (count - 1.0) / d2 : 0.0;
   const double overall = spread ? std::sqrt(squares / (count - 1.0)) : 0.0;

@@ -1,4 +1,4 @@
-// Control charts: a quantity over the calibrations of a results database in the order of time, its limits, run rules and capability.
+// Control charts: a quantity over the calibrations of a results database in order of time, its control limits, run rules and capability.
 #pragma once
 
 #include <algorithm>
@@ -20,8 +20,8 @@ namespace turncal {
 //   z_i = (x_i - mean) / sigma; a test gives a signal at the last point of the stretch that meets it
 //
 // L. S. Nelson, "The Shewhart Control Chart: Tests for Special Causes", Journal of Quality Technology 16 (4), 1984, 237-239. The
-// false alarm rates are exact: independent normal values of known mean and sigma, for each point that has enough before it. With mean
-// and sigma estimated from few values they are higher, above all that of test 1.
+// false alarm rates are exact for independent normal values of known mean and sigma, at each point with enough points before it. With mean
+// and sigma estimated from few values they are higher, above all for test 1.
 struct RunRule {
   const char* words;
   std::size_t stretch;  // points
@@ -40,23 +40,23 @@ inline constexpr std::array<RunRule, 8> run_rules = {{
 }};
 
 struct RunSignal {
-  std::size_t rule = 1;   // number of the paper
-  std::size_t point = 0;  // the last one of the stretch
+  std::size_t rule = 1;   // number in the paper
+  std::size_t point = 0;  // last point of the stretch
   bool operator==(const RunSignal&) const = default;
 };
 
-// By point, then by rule.
+// Returns the signals sorted by point, then by rule.
 std::vector<RunSignal> run_signals(std::span<const double> z);
 
 // One quantity over many calibrations: control limits of individuals, run rules and capability.
 //
 //   short-term sigma s = mean |x_i - x_(i-1)| / 1.128        (moving range of two, d2 = 1.128; ISO 7870-2)
 //   control limits    mean -+ 3 s
-//   Cpk = min(max - mean, mean - min) / (3 s), over the limits there are; Ppk: with the standard deviation of all in place of s
+//   Cpk = min(max - mean, mean - min) / (3 s), over the limits there are; Ppk: with the standard deviation of all values in place of s
 //
 // The interval of both is Bissell's: C -+ 1.96 sqrt(1 / (9 n) + C^2 / (2 nu)), nu the degrees of freedom of the sigma: n - 1 of all,
 // 0.62 (n - 1) of the moving range (A. F. Bissell, "How reliable is your capability index?", Applied Statistics 39 (3), 1990, 331-340).
-// In the order of time. Fewer than two values give no limits; few values are not refused.
+// Values are in order of time. Fewer than two give no limits; few values are not refused.
 struct Capability {
   double value = 0.0;
   double low = 0.0, high = 0.0;  // 95 %
@@ -77,21 +77,21 @@ ControlChart control_chart(std::span<const double> values, const Limit& limit);
 
 struct ChartedQuantity {
   std::string key, unit;                  // of the values: deg/h, arcsec/pulse; -, or empty: none
-  std::vector<std::string> units, times;  // of whom and when
+  std::vector<std::string> units, times;  // serial numbers and times
   std::vector<double> values;
   std::vector<std::optional<double>> sigmas;
   double largest_sigma() const { return sigmas.empty() ? 0.0 : std::ranges::max(sigmas).value_or(0.0); }
-  Limit limit;  // of the newest calibration that was judged by one
+  Limit limit;  // of the newest calibration judged by a limit
   ControlChart chart;
 };
 
 struct ParameterHistory : ChartedQuantity {
-  std::vector<const StoredCalibration*> of;  // those that have the parameter; point into the list given
+  std::vector<const StoredCalibration*> of;  // calibrations with the parameter; point into the given list
 };
 
 ParameterHistory parameter_history(const std::vector<StoredCalibration>& all, std::string_view key);
 
-// Parameters that are estimated; the others are zero by the choice of the body frame.
+// Returns the estimated parameters; the others are zero by the choice of the body frame.
 std::vector<std::string_view> free_parameter_keys();
 
 }  // namespace turncal

@@ -18,7 +18,7 @@ using Emphasis = Table::Emphasis;
 
 std::string percent(double share) { return fmt::format("{:.1f} %", 100.0 * share); }
 
-// "95.0 % (19 of 20; 76.4 .. 99.1 %)"
+// Returns "95.0 % (19 of 20; 76.4 .. 99.1 %)".
 Cell share(const Share& share, bool with_interval) {
   if (share.all == 0) return number("-");
   const auto [low, high] = share.interval();
@@ -50,7 +50,7 @@ std::string yield_text(const LineYield& yield, double target, bool reached) {
 
 std::string signals_text(const ShiftReport& report, std::size_t signals) {
   double expected = 0.0;
-  std::size_t points = 0;  // with a signal, rule by rule: what is expected counts these, not stretches of them
+  std::size_t points = 0;  // points with a signal, counted by rule, as the expected number counts them, not stretches
   for (const ChartedQuantity& chart : report.charts) {
     if (chart.chart.sigma.value_or(0.0) <= 0.0) continue;
     points += chart.chart.signals.size();
@@ -64,7 +64,7 @@ std::string signals_text(const ShiftReport& report, std::size_t signals) {
       signals, points, expected);
 }
 
-// all: a last row of them together.
+// all: total for a last row; null: none.
 Table yield_table(const char* of, std::vector<YieldOf> parts, const LineYield* all) {
   Table table{{text(of), number("attempts"), number("units"), number("first pass yield (95 %)"), number("final yield"),
                number("hours"), number("lost"), number("hours per good unit"), number("mean residual")}};
@@ -159,7 +159,7 @@ Table difference_table(const std::vector<StationDifference>& all) {
   return table;
 }
 
-// With the name and the unit of each quantity beside its key: `of` has them.
+// Adds the table with name and unit of each quantity beside its key, from `of`.
 void add_with_units(Table table, std::size_t key, const std::vector<ChartedQuantity>& of, Document& document) {
   const auto insert = [&table, key](const char* head, const auto& words_of) {
     const auto at = [key](std::vector<Cell>& cells) { return cells.begin() + std::ptrdiff_t(key + 1); };
@@ -174,14 +174,14 @@ void add_with_units(Table table, std::size_t key, const std::vector<ChartedQuant
   document.add(std::move(table));
 }
 
-// Leads to the report of its run, where there is one on this machine.
+// Links to the report of its run, if it is on this machine.
 Cell unit_cell(const std::string& unit, const std::string& folder) {
   std::error_code none;
   const std::filesystem::path report = std::filesystem::absolute(folder, none) / "diagnosis/report.html";
   return std::filesystem::exists(report, none) ? linked(name(unit), report.string()) : name(unit);
 }
 
-// The newest first.
+// Lists the newest first.
 Table attempt_table(const std::vector<AttemptRecord>& attempts,
                     const std::function<Cell(const AttemptRecord&)>& first) {
   Table table{{name("unit"), number("time"), text("outcome"), wide("reason"), text("station"), number("hours"),
@@ -227,7 +227,7 @@ constexpr Group groups[] = {
     {"accelscale", "Accelerometer scale factors", "a11 a22 a33"},
     {"accelmisalignment", "Accelerometer misalignments", "a12 a13 a23"}};
 
-// Some of the calibrations by the day of their end or, where all are of one day, by its time.
+// Labels some of the calibrations by the day of their end or, when all are of one day, by its time.
 std::vector<std::pair<double, std::string>> names_of(const std::vector<std::string>& times) {
   constexpr std::size_t names = 4, day = 5, hour = 11, length = 5;
   const bool one_day = times.front().substr(0, hour) == times.back().substr(0, hour);
@@ -241,7 +241,7 @@ std::vector<std::pair<double, std::string>> names_of(const std::vector<std::stri
   return marks;
 }
 
-// What is shown of a value: (value - first) * factor; of a scale factor how far it is from its mean. `all` has the scale factors.
+// Returns the shift and scale of displayed values, (value - first) * factor; scale factors relative to their mean. `all` has the scale factors.
 std::pair<double, DisplayUnit> scale_of(const ChartedQuantity& history, const std::vector<ChartedQuantity>& all) {
   const std::string& key = history.key;
   const auto of = std::ranges::find(all, std::string{key[0], key[2], key[2]}, &ChartedQuantity::key);
@@ -253,7 +253,7 @@ std::pair<double, DisplayUnit> scale_of(const ChartedQuantity& history, const st
 }
 
 std::string index_text(const Capability& index, double value) {
-  return value_with_sigma(value, 0.25 * (index.high - index.low));  // of a 95 % interval
+  return value_with_sigma(value, 0.25 * (index.high - index.low));  // about one sigma of a 95 % interval
 }
 
 Panel control_panel(const ChartedQuantity& history, const std::vector<ChartedQuantity>& all) {
@@ -317,7 +317,7 @@ Table control_table(const std::vector<ChartedQuantity>& quantities) {
   for (const ChartedQuantity& q : quantities) {
     const ControlChart& chart = q.chart;
     if (chart.count == 0) continue;
-    // Equal values and single ones have the digits of their own sigmas.
+    // Equal values, and single ones, get the digits of their own sigmas.
     const double s = chart.sigma.value_or(0.0) > 0.0 ? *chart.sigma : q.largest_sigma();
     const auto to_place = [s](const std::optional<double>& value) {
       return !value ? number("-") : s > 0.0 ? with_sigma(*value, s) : number(*value, 4);

@@ -101,7 +101,7 @@ std::vector<double> unit_means(const AtStation& at) {
   return means;
 }
 
-// Slope a day and its variance.
+// Returns the slope per day and its variance.
 std::optional<std::pair<double, double>> slope(const AtStation& at) {
   const std::size_t n = at.days.size();
   if (n < least_units) return std::nullopt;
@@ -169,7 +169,7 @@ double hours_of(const AttemptRecord& attempt) {
 
 std::string reason_class(const AttemptRecord& attempt) {
   std::string text, first = attempt.reason.substr(0, attempt.reason.find(';'));
-  if (first.starts_with("step ")) first.erase(0, first.find(": ") + 2);  // where the run was is no reason
+  if (first.starts_with("step ")) first.erase(0, first.find(": ") + 2);  // the place of the run is not a reason
   const std::size_t figures = first.find(" = ");
   for (const std::string_view word : split(std::string_view(first).substr(0, figures), ' ')) {
     if (word.empty() || is_figure(word)) break;
@@ -185,7 +185,7 @@ LineYield line_yield(const std::vector<AttemptRecord>& all, const std::set<std::
   struct Visit {
     bool counts = false, passed = false;
   };
-  std::map<std::string, Visit> open;  // by unit: the visit that goes on
+  std::map<std::string, Visit> open;  // open visit of each unit
   std::map<std::string, LossReason> reasons;
   std::set<std::string> units;
   const auto close = [&line](const Visit& visit) {
@@ -284,7 +284,7 @@ Result<ShiftReport> shift_report(const ResultsDatabase& database, const std::str
 std::vector<ChartSignal> signals_of(const std::vector<ChartedQuantity>& charts) {
   std::vector<ChartSignal> found;
   for (const ChartedQuantity& chart : charts) {
-    std::map<std::size_t, std::size_t> last;  // point of the last signal, by rule
+    std::map<std::size_t, std::size_t> last;  // point of each rule's last signal
     for (const RunSignal& signal : chart.chart.signals) {
       const auto before = last.find(signal.rule);
       const bool goes_on = signal.rule != 1 && before != last.end() && before->second + 1 == signal.point;
@@ -308,7 +308,7 @@ std::vector<Repeatability> repeatability(const std::vector<StoredCalibration>& a
   for (const std::string_view key : free_parameter_keys()) {
     const ParameterHistory history = parameter_history(all, key);
     Repeatability r{.key = std::string(key)};
-    std::map<std::string, std::size_t> before;  // by unit and station
+    std::map<std::string, std::size_t> before;  // last calibration by unit and station
     double squares = 0.0, variances = 0.0;
     for (std::size_t i = 0; i < history.of.size(); ++i) {
       const StoredCalibration& c = *history.of[i];
