@@ -13,7 +13,7 @@ namespace turncal {
 
 namespace {
 
-constexpr double same_period = 1e-6;  // of two files that were written by people
+constexpr double same_period = 1e-6;  // tolerance between two files written by people
 
 }  // namespace
 
@@ -61,7 +61,7 @@ Result<ParameterVector> read_truth(const std::string& path) {
 }
 
 StationDevices DryRunDevices::devices() {
-  const auto wait = [this](double seconds) {  // time passes and nobody reads the unit
+  const auto wait = [this](double seconds) {  // passes time while nobody reads the unit
     group.pass_until(group.now_s() + std::max(seconds, rig.config().sample_period_s));
   };
   return by_hand_ ? StationDevices{by_hand_->limited, by_hand_->watched, clock, wait}
@@ -78,7 +78,7 @@ Status DryRunDevices::put_back(std::span<const TableCommand> commands, double un
                      : table.home());
   }
   group.pass_until(until_s);
-  const Result<AxisStatus> status = table.status(Axis::heading);  // a table notices only when it is asked
+  const Result<AxisStatus> status = table.status(Axis::heading);  // a table updates only when it is asked
   return status ? Status{} : Status{status.error()};
 }
 

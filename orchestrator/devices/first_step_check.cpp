@@ -17,7 +17,7 @@ namespace turncal {
 namespace {
 
 constexpr double stretch_s = 0.5;
-constexpr double least_stretches = 4.0;  // of a rest that tells its noise
+constexpr double least_stretches = 4.0;  // in a rest, to determine its noise
 
 // C_nb
 Eigen::Matrix3d attitude_of(const AxisTriple& angles_deg) {
@@ -31,13 +31,13 @@ std::string angles_text(const AxisTriple& deg) {
 }
 
 std::string triple_text(const Eigen::Vector3d& v) {
-  // What is nothing beside the largest is shown as 0, not as what rounding left of it.
+  // Shows a component that is negligible beside the largest as 0, not as its rounding error.
   const double least = 1e-5 * v.cwiseAbs().maxCoeff();
   const auto shown = [least](double x) { return std::abs(x) < least ? 0.0 : x; };
   return fmt::format("{:+.4g}, {:+.4g}, {:+.4g}", shown(v.x()), shown(v.y()), shown(v.z()));
 }
 
-// Axis and angle of a turn; nothing when more than one axis differs.
+// Returns axis and angle of a turn; nothing when more than one axis differs.
 std::optional<std::pair<Axis, double>> turn_between(const AxisTriple& from_deg, const AxisTriple& to_deg) {
   std::optional<std::pair<Axis, double>> turn;
   for (const Axis axis : all_axes) {
@@ -48,7 +48,7 @@ std::optional<std::pair<Axis, double>> turn_between(const AxisTriple& from_deg, 
   return turn;
 }
 
-// The gyros' sum over a turn from `from` to `to`, which differ in one axis: degrees, by nominal scale factors.
+// Judges the gyros' sum over a turn between angles that differ in one axis: degrees, by nominal scale factors.
 Status judge_felt(const Eigen::Vector3d& sum_deg, const AxisTriple& from_deg, const AxisTriple& to_deg,
                   const DirectionLimits& limits) {
   const auto turn = turn_between(from_deg, to_deg);
@@ -156,7 +156,7 @@ std::string EarthRateCheck::add_rest(const Eigen::Vector3d& rate_radps, double s
   const double difference = sine - std::sin(latitude_deg_ * rad_per_deg);
   if (std::abs(difference) <= std::max(sigmas * sigma, least_difference)) return {};
   const double latitude_deg = std::asin(sine) / rad_per_deg;
-  // Of the latitude; near a pole its sine tells little.
+  // Sigma of the latitude; near a pole the sine determines it poorly.
   const double sigma_deg = sigma / std::max(std::sqrt(1.0 - sine * sine), std::sqrt(sigma)) / rad_per_deg;
   return fmt::format(
       "at rest the gyros measure a vertical Earth rate of {:+.2f} deg/h, expected {:.2f}: that of a latitude of {} "
@@ -213,7 +213,7 @@ Status FirstStepCheck::add(std::span<const ImuSample> samples) {
 }
 
 void FirstStepCheck::end_stretch() {
-  // Of whole ones: the last may be shorter.
+  // Counts whole stretches only; the last may be shorter.
   if (double(sums_.stretch_samples) * info_.sample_period_s >= stretch_s) {
     ++sums_.stretches;
     sums_.stretch_squares += (sums_.stretch / double(sums_.stretch_samples)).cwiseAbs2();
@@ -251,7 +251,7 @@ Status FirstStepCheck::judge_segment(SegmentKind kind, std::int64_t end_sample, 
   const Eigen::Vector3d sum = sums_.gyro - *rest_gyro_ * n;
   const auto turn = turn_between(*before_deg_, angles_deg);
   const double scale = model.gyro_scale.norm() / std::sqrt(3.0);
-  // Before the direction: what a gyro adds up to in the wrong unit may well be a detour.
+  // Judged before the direction: with wrong units of measure a gyro's path may look like a detour.
   const bool large = turn && std::abs(turn->second) >= least_turn_of_units_deg && sums_.way <= detour * sum.norm();
   const double ratio = large ? scale * sum.norm() / (std::abs(turn->second) * rad_per_deg) : 1.0;
   TRY(judge_units(ratio));
@@ -261,7 +261,7 @@ Status FirstStepCheck::judge_segment(SegmentKind kind, std::int64_t end_sample, 
   return judge_pulses(ratio);
 }
 
-// Pulses have a weight of their own, which is estimated, from near its nominal value on.
+// Judges the weight of the pulses, which is estimated starting from its nominal value.
 Status FirstStepCheck::judge_pulses(double ratio) const {
   const bool fits = ratio >= least_pulses && ratio <= most_pulses;
   if (info_.gyro_increment != IncrementKind::pulses || fits) return {};
@@ -290,7 +290,7 @@ Status FirstStepCheck::judge_rest(const SensorModel& model, const AxisTriple& an
   const Eigen::Vector3d force = model.accel_scale * sums_.accel / (samples * info_.sample_period_s);
   TRY(judge_force(force, angles_deg, info_.gravity_mps2, limits));
   const Eigen::Vector3d rate = model.gyro_scale * *rest_gyro_ / info_.sample_period_s;
-  // Of the earth's rate alone no more is said of units than what a bias can hardly imitate.
+  // From the Earth rate alone units are judged only where a bias can hardly imitate the error.
   const double times = rate.norm() / earth_rate_radps;
   if (times > least_times) TRY(judge_units(times));
   if (sums_.stretches < least_stretches) return {};

@@ -38,7 +38,7 @@ Status TableDevice::leave() {
 }
 
 TableDevice::~TableDevice() {
-  // Whoever could be told of a failure has read of it where the run's own stop failed.
+  // A failure was reported when the run's own stop failed.
   static_cast<void>(leave().ok());
 }
 
@@ -74,15 +74,15 @@ Result<std::unique_ptr<TableDevice>> make_table(const StationConfig& station, co
 namespace {
 
 constexpr double half_s = 0.5;
-constexpr std::int64_t longest_gap = 2000;  // samples; behind a longer one nobody knows
-constexpr double still = 0.02;              // of the halves' mean
+constexpr std::int64_t longest_gap = 2000;  // samples; after a longer gap the sum is unknown
+constexpr double still = 0.02;              // relative to the mean of the halves
 
 const std::string& lock_folder() {
   static const std::string folder = ::access("/run/lock", W_OK) == 0 ? "/run/lock" : "/tmp";
   return folder;
 }
 
-// An address as IPv6 has it, IPv4 as mapped into it; nothing of any other family.
+// Returns an address as IPv6, with IPv4 mapped into it; nothing for any other family.
 std::optional<in6_addr> as_ipv6(const sockaddr* address) {
   if (address == nullptr) return {};
   if (address->sa_family == AF_INET6) return reinterpret_cast<const sockaddr_in6*>(address)->sin6_addr;
@@ -93,7 +93,7 @@ std::optional<in6_addr> as_ipv6(const sockaddr* address) {
   return mapped;
 }
 
-// Every address by which this machine reaches itself: 0.0.0.0, 127.x, ::, ::1, those of its interfaces, and IPv4 as IPv6 has it.
+// Returns whether an address reaches this machine: 0.0.0.0, 127.x, ::, ::1, those of its interfaces, and mapped IPv4.
 bool is_this_machine(const sockaddr& address) {
   const std::optional<in6_addr> host = as_ipv6(&address);
   if (!host) return false;
@@ -109,7 +109,7 @@ bool is_this_machine(const sockaddr& address) {
   return false;
 }
 
-// HOST:PORT with the first address that the system has for HOST; what cannot be looked up as it is written.
+// Returns HOST:PORT with the system's first address of HOST; a name that cannot be resolved is kept.
 std::string numeric(const std::string& device) {
   const std::size_t colon = device.rfind(':');
   if (colon == std::string::npos) return device;
@@ -117,7 +117,7 @@ std::string numeric(const std::string& device) {
   if (name.starts_with("[") && name.ends_with("]")) name = name.substr(1, name.size() - 2);
   addrinfo wanted{}, *found = nullptr;
   wanted.ai_family =
-      name.find(':') == std::string::npos ? AF_INET : AF_INET6;  // of localhost, too, always the same one
+      name.find(':') == std::string::npos ? AF_INET : AF_INET6;  // always the same family, of localhost, too
   wanted.ai_socktype = SOCK_STREAM;
   if (::getaddrinfo(name.c_str(), device.substr(colon + 1).c_str(), &wanted, &found) != 0) return device;
   const std::unique_ptr<addrinfo, void (*)(addrinfo*)> freed(found, ::freeaddrinfo);
@@ -129,7 +129,7 @@ std::string numeric(const std::string& device) {
   return (is_this_machine(*found->ai_addr) ? std::string("127.0.0.1") : std::string(host.data())) + ":" + port.data();
 }
 
-// The last link is not followed: what it leads to is another device after the adapter has come back.
+// The last link is not followed, because it may lead to another device after the adapter has come back.
 std::string one_name_of(const std::string& device) {
   if (!device.starts_with("/")) return numeric(device);
   const std::filesystem::path name = device;
@@ -144,7 +144,7 @@ int go_first() {
   return ::sched_setscheduler(0, SCHED_FIFO | SCHED_RESET_ON_FORK, &lowest) == 0 ? 0 : errno;
 }
 
-// With a limit, what is allocated later could fail: then nothing is locked.
+// With a memory limit later allocations could fail, so nothing is locked.
 int lock_memory() {
   rlimit limit{};
   ::getrlimit(RLIMIT_MEMLOCK, &limit);
@@ -275,7 +275,7 @@ void LiveDevices::wait_a_little(double wall_s) {
 }
 
 Status LiveDevices::leave_table(Status done, const std::string& how_left) {
-  // A driver that gives a wait up for a stop has words of its own.
+  // A driver that gives up a wait because of a stop has its own message.
   if (!done && (done.error().kind == ErrorKind::aborted || done.error().kind == ErrorKind::interrupted))
     done = asked_to_stop(StopSignals::ends() > 0);
   const Status left = table_->leave();
@@ -299,7 +299,7 @@ std::string LiveDevices::sag_since(const std::optional<TableStatus>& left) {
     while (clock_.now_s() - then.time_s < least_s)
       wait_a_little((least_s - (clock_.now_s() - then.time_s)) / speed_up_);
     std::optional<AxisStatus> nearest;
-    for (int i = 0; i < 5; ++i) {  // an encoder that flickers reads the same place in one of them
+    for (int i = 0; i < 5; ++i) {  // a flickering encoder reads the same place at least once
       const Result<AxisStatus> now = table_->table().status(axis);
       if (!now) return text;
       const auto off_deg = [&](const AxisStatus& at) { return std::abs(at.position_deg - then.position_deg); };
@@ -317,7 +317,7 @@ std::string LiveDevices::sag_since(const std::optional<TableStatus>& left) {
 OperatorPrompts* LiveDevices::prompts() {
   ManualTurntable* manual = table_->manual();
   if (!manual) return nullptr;
-  constexpr double first_turn_s = 60.0;  // until a person has shown how long one takes
+  constexpr double first_turn_s = 60.0;  // until the operator's own turns are known
   prompts_ = std::make_unique<OperatorPrompts>(*manual, first_turn_s);
   return prompts_.get();
 }

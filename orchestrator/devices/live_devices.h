@@ -1,8 +1,8 @@
-// The devices of a live run: the station's table and units, the machine's clocks, and waiting that really waits.
+// The devices of a live run: the station's table and units, the machine's clocks, and waits in real time.
 //
 // Nothing is opened here; the run does that. clock.speed_up other than 1 is for twins (docs/tables.md): all of the station's times then
-// run so many times faster. A table turned by hand is given the reason of each move, and what the first unit
-// senses of gravity. The thread that makes them goes before others until they go, or the table need not be watched any more.
+// run that much faster. A table turned by hand gets the reason of each move, and the first unit's measurement of gravity. The thread
+// that makes the devices has real-time priority until they are destroyed, or the table need no longer be watched.
 #pragma once
 
 #include <Eigen/Core>
@@ -30,24 +30,24 @@ namespace turncal {
 
 // The table of a live run, made from the station's configuration, with the station's motion limits around it.
 //
-// Nothing is opened here: connect() does that. Whatever ends the run, an exception too, the table is left at rest with its drives off,
-// read back, when this object goes (turntable_drivers/table/table_stop.h); what ends the process without that (kill -9) is the affair of the drive's watchdog. The mock has no live table; a dry run makes its own (dry_run_devices.h).
+// Nothing is opened here: connect() does that. However the run ends, the destructor leaves the table at rest with its drives off, read back
+// (turntable_drivers/table/table_stop.h). After kill -9 the drive's watchdog has to act. The mock has no live table (dry_run_devices.h).
 class TableDevice {
  public:
-  // Slower than that an axis stands.
+  // An axis slower than standing_rate_degps is at rest.
   TableDevice(std::unique_ptr<Turntable> driver, const std::array<AxisLimits, 3>& limits, double standing_rate_degps)
       : driver_(std::move(driver)), limited_(*driver_, limits), standing_rate_degps_(standing_rate_degps) {}
   ~TableDevice();
   TableDevice(const TableDevice&) = delete;
   TableDevice& operator=(const TableDevice&) = delete;
   Turntable& table() { return limited_; }
-  // Leaves it now, so that a failure can be told; it is not done again.
+  // Leaves the table now, so that a failure can be reported; the destructor then does nothing.
   Status leave();
-  // A stop could not be verified in its time, and was said to be: nothing more is tried.
+  // Call it when a stop could not be verified in time and that was reported: nothing more is tried.
   void give_up() { left_ = true; }
-  // Of a table turned by hand, to say why a move is asked for; else null.
+  // The driver of a table turned by hand, which is told why a move is asked for; else null.
   ManualTurntable* manual() { return dynamic_cast<ManualTurntable*>(driver_.get()); }
-  // The driver's comparison with known angles; an error for a driver that has none.
+  // Runs the driver's comparison with known angles; an error for a driver without one.
   Status commission(const AxisTriple& known_deg, double tolerance_deg);
 
  private:
@@ -57,21 +57,21 @@ class TableDevice {
   bool left_ = false;
 };
 
-// What the drivers need of the program. All must outlive the table.
+// What the drivers need from the program. All must outlive the table.
 struct TableContext {
   const Clock& clock;
-  const std::atomic<int>* stop_requests = nullptr;  // a change of the count cuts a wait for the device short
-  int operator_input = 0;                           // of a table turned by hand: file descriptor
+  const std::atomic<int>* stop_requests = nullptr;  // a change of the count ends a wait for the device
+  int operator_input = 0;                           // for a table turned by hand: file descriptor
   std::ostream* operator_output = nullptr;
   GravitySense gravity{};
 };
 
 Result<std::unique_ptr<TableDevice>> make_table(const StationConfig& station, const TableContext& context);
 
-// Something in front of another source, which it passes everything on to.
+// Passes everything on to another source; a base for sources that add something.
 class FrontImu : public ImuSource {
  public:
-  explicit FrontImu(ImuSource& imu) : imu_(imu) {}  // which must outlive this
+  explicit FrontImu(ImuSource& imu) : imu_(imu) {}  // imu must outlive this object
   Status open() override { return imu_.open(); }
   Result<ImuIdentity> identify() override { return imu_.identify(); }
   void describe(RecordingInfo& info) const override { imu_.describe(info); }
@@ -83,12 +83,12 @@ class FrontImu : public ImuSource {
   ImuSource& imu_;
 };
 
-// Passes a unit's samples on and keeps what a table turned by hand is compared with: the mean specific force of the last second
-// (GravitySense), and what the gyros have added up to (TurnSense).
+// Passes a unit's samples on and keeps the data against which a table turned by hand is checked: the mean specific force of the last second
+// (GravitySense), and the sum of the gyros (TurnSense).
 //
-// Mean of the accelerometers' increments, per sample, in their own unit; empty before there is a second of samples, and while the
-// means of its two halves differ by more than 2 % (the unit turns). The sum: degrees by the nominal scale; through samples that were lost
-// the unit turned on as in the next one. One thread.
+// mean(): the accelerometers' increments per sample, in their own unit; empty before there is a second of samples, and while the
+// means of its two halves differ by more than 2 % (the unit turns). The sum: degrees by the nominal scale; over lost samples
+// the unit is assumed to turn as in the next one. One thread.
 class GravityWatch : public FrontImu {
  public:
   GravityWatch(ImuSource& source, double sample_period_s);  // the source must outlive this
@@ -102,41 +102,41 @@ class GravityWatch : public FrontImu {
  private:
   int half_samples_;
   double deg_per_count_ = 0.0;
-  int count_ = 0;  // of the half that is being filled
+  int count_ = 0;  // samples in the present half
   Eigen::Vector3d sum_{0, 0, 0};
   std::array<double, 3> turned_{};
   std::optional<std::int64_t> counter_;           // of the last sample
   std::optional<Eigen::Vector3d> last_, before_;  // means of the two halves
 };
 
-// One process at a time uses a station's devices: its table and its units, over TCP as well as on serial lines. Taken before anything is
-// opened, released when the process ends, however it ends.
+// Locks a station's devices for this process: its table and its units, over TCP as well as on serial lines. Call it before anything is
+// opened; the locks are released when the process ends, however it ends.
 //
-// A device in /dev goes by the name that the station says, not by what its links lead to: who has lost its line still holds the name, and
-// ttyUSB0 may be another station's adapter by then. Two names of one port are kept apart by the port (SerialPort).
+// A device in /dev is locked by the name in the station file, not by its link's target: a process that has lost its line still holds the
+// name, and ttyUSB0 may be another station's adapter by then. SerialPort excludes two names of one port.
 //
-// A lock file of this machine for each device, below /run/lock: another machine at the same table is not seen. The name of a table's host is
-// that of its address; all addresses by which this machine reaches itself are one.
-// Error: kind device, names the device and who holds it.
+// The lock files are on this machine, below /run/lock: another machine at the same table is not seen. A host's name is replaced by its
+// address, and all addresses by which this machine reaches itself count as one.
+// Error: kind device, with the device and who holds it.
 Result<std::vector<LockFile>> lock_devices(const StationConfig& station);
-// The key of each device's line, and the line.
+// Returns the key of each device's line, and the line.
 std::vector<std::pair<std::string, std::string>> device_lines(const StationConfig& station);
 
-// The lock file of a device: a path or HOST:PORT.
+// Returns the lock file of a device, which is a path or HOST:PORT.
 std::string lock_path_of(const std::string& device);
 
-// Lets the thread that holds a table go before all others, where the system allows it: a busy PC must not hold up a stop.
+// Gives the thread that controls a table real-time priority, where the system allows it: a busy PC must not delay a stop.
 //
-// SCHED_FIFO at its lowest priority, for the calling thread alone (threads that it starts are ordinary ones), and the memory of the process
-// kept from being swapped out (mlockall). What is not allowed is left out: a run is safe by its deadlines without it, and `turncal check`
-// says what there is. Whoever is no root gets both by limits.conf (docs/safety.md).
+// It uses SCHED_FIFO at its lowest priority, for the calling thread alone (threads that it starts are ordinary ones), and locks the memory
+// of the process (mlockall). What is not allowed is skipped: a run is safe by its deadlines without it, and `turncal check`
+// says what is in force. Users other than root get both by limits.conf (docs/safety.md).
 class RealTime {
  public:
   RealTime();
-  ~RealTime();  // as it was, in the same thread
+  ~RealTime();  // restores the former state, in the same thread
   RealTime(const RealTime&) = delete;
   RealTime& operator=(const RealTime&) = delete;
-  // "goes before other programs (SCHED_FIFO), memory locked": in one line what there is, and what to do for what there is not.
+  // Returns in one line what is in force, "goes before other programs (SCHED_FIFO), memory locked", and how to get what is not.
   std::string text() const;
 
  private:
@@ -157,37 +157,37 @@ class LiveClock : public Clock {
 
 class LiveDevices {
  public:
-  // REQUIRES: station.imu, units <= station.imu_places(). The count and the stream (prompts of a table turned by hand, whose answers are read from the terminal)
-  // must outlive the devices.
+  // REQUIRES station.imu, units <= station.imu_places(). The count and the stream (for prompts of a table turned by hand, answered at the
+  // terminal) must outlive the devices.
   static Result<std::unique_ptr<LiveDevices>> make(const StationConfig& station, const std::atomic<int>& stop_requests,
                                                    std::ostream& out, std::size_t units = 1);
   StationDevices devices();  // valid as long as this object
   ImuSource& imu(std::size_t place) { return place == 0 ? static_cast<ImuSource&>(watched_) : *further_[place - 1]; }
   std::string unit_summary(std::size_t place) const { return (place == 0 ? imu_ : *further_[place - 1]).summary(); }
-  // The clock of a unit against the host's; empty as long as it is not known, and of a twin that runs at another pace.
+  // Returns a unit's clock error against the host's; empty while it is unknown, and for a twin that runs at another pace.
   std::optional<ArrivalEstimate> unit_clock(std::size_t place) const {
     const auto clock = (place == 0 ? imu_ : *further_[place - 1]).clock();
     const bool known = clock && clock->skew_uncertainty > 0.0 && speed_up_ == 1.0;
     return known ? clock : std::nullopt;
   }
-  // At most 20 ms, so that whoever waits finds out about a stop in time; a signal ends it earlier.
+  // Waits for at most 20 ms, so that the caller notices a stop in time; a signal ends it earlier.
   static void wait_a_little(double wall_s);
   Status commission_table(const AxisTriple& known_deg, double tolerance_deg) {
     return table_->commission(known_deg, tolerance_deg);
   }
 
-  // At rest with its drives off, read back; an error: that of what was done, with how it was left, or that it could not be verified.
-  // Nobody may use the table afterwards.
+  // Leaves the table at rest with its drives off, read back. Returns the error of `done` with how it was left, or that this was not verified.
+  // The table must not be used afterwards.
   Status leave_table(Status done, const std::string& how_left = "");
   bool left_off() const { return left_off_; }  // leave_table() has verified it
   void give_table_up() { table_->give_up(); }
-  // Whether an axis turns now that its drive is off: looks once more, 2.5 s of the station after it read like this (none: as it reads now),
-  // and says how far it turned. Empty: all stand, or cannot be read.
+  // Checks whether an axis turns now that its drive is off: reads it again 2.5 station seconds after `left` (none: after a reading now),
+  // and returns how far it turned. Empty: all stand, or cannot be read.
   std::string sag_since(const std::optional<TableStatus>& left);
-  void end_real_time() { real_time_.reset(); }  // the table rests with its drives off: what comes may take its time
+  void end_real_time() { real_time_.reset(); }  // call it with the drives off, when time no longer matters
 
   DescribedChamber* chamber() { return chamber_.get(); }  // null: the station has none
-  // Of a table turned by hand: what its operator is told; else null. The sequence must outlive the devices.
+  // Returns the operator's prompts of a table turned by hand; else null. The sequence must outlive the devices.
   OperatorPrompts* prompts();
 
  private:
@@ -201,7 +201,7 @@ class LiveDevices {
   SerialImu imu_;
   GravityWatch watched_;
   std::vector<std::unique_ptr<SerialImu>> further_;
-  std::unique_ptr<DescribedChamber> chamber_;  // outlives the table: that is left first
+  std::unique_ptr<DescribedChamber> chamber_;  // outlives the table, which is left first
   std::unique_ptr<TableDevice> table_;
   std::unique_ptr<OperatorPrompts> prompts_;
 };

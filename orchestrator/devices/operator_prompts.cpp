@@ -15,7 +15,7 @@ namespace turncal {
 void OperatorPrompts::on_transition(const TransitionRecord& record) {
   const RunSnapshot& at = record.at;
   if (record.event == RunEvent::settled && record.from == RunState::settling) {
-    // Settling without a turn comes after a rest and after a dwell that is repeated.
+    // Settling without a turn follows a rest or a repeated dwell.
     if (turning_) {
       beyond_plan_s_ += std::max(0.0, (at.time_s - began_s_) - (planned_left_s_ - at.eta_s));
       ++turns_done_;
@@ -60,13 +60,13 @@ void OperatorPrompts::show() {
 
 namespace {
 
-constexpr int look_ms = 200;  // for a request to stop that came between two looks
+constexpr int look_ms = 200;  // to notice a request to stop between two polls
 
 Error not_mounted(const std::string& unit, const std::string& why) {
   return {ErrorKind::interrupted, "unit " + unit + " is not mounted: " + why + "; the same command goes on with it"};
 }
 
-// A line without its end; empty: the input has ended, or somebody asked to stop.
+// Reads a line without its end; empty: the input has ended, or a stop was requested.
 std::optional<std::string> read_line(int input) {
   std::string line;
   while (!StopSignals::any()) {

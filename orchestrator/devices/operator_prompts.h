@@ -1,8 +1,8 @@
-// What the operator of a table turned by hand is told: above each question the step, how far the run is, what is left of it;
-// while the unit is measured how long to keep the hands off; all of it as a screen to whoever shows one.
+// Prompts for the operator of a table turned by hand: above each question the step, the progress and the time left;
+// during a measurement how long to keep the hands off; all of it also as a screen, for a caller that shows one.
 //
-// What is left: the dwells and rests of the plan, and for each turn the mean of what a turn has taken so far beyond its planned time;
-// before the first turn, first_turn_s. No time of a rehearsal, whose clock stands while somebody thinks.
+// Time left: the dwells and rests of the plan, and for each turn the mean time that turns have taken beyond the plan so far;
+// before the first turn, first_turn_s. A rehearsal has no time left, because its clock stands while somebody thinks.
 #pragma once
 
 #include <functional>
@@ -20,13 +20,13 @@ namespace turncal {
 
 class OperatorPrompts : public RunObserver {
  public:
-  // The table must outlive this.
+  // The table must outlive this object.
   explicit OperatorPrompts(ManualTurntable& table, double first_turn_s = 0.0)
       : table_(table), first_turn_s_(first_turn_s) {}
   ~OperatorPrompts() override { show_on({}, true); }
   OperatorPrompts(const OperatorPrompts&) = delete;
   OperatorPrompts& operator=(const OperatorPrompts&) = delete;
-  // lines: the table prints its questions, too.
+  // lines: whether the table prints its questions, too.
   void show_on(std::function<void(const OperatorScreen&)> show, bool lines);
   const OperatorTexts& texts() const { return table_.texts(); }
   void on_transition(const TransitionRecord& record) override;
@@ -38,22 +38,22 @@ class OperatorPrompts : public RunObserver {
   ManualTurntable& table_;
   double first_turn_s_;
   bool turning_ = false;
-  double began_s_ = 0.0, planned_left_s_ = 0.0;  // when the turn going on was asked for
-  double beyond_plan_s_ = 0.0;                   // sum over the turns done
+  double began_s_ = 0.0, planned_left_s_ = 0.0;  // at the request for the present turn
+  double beyond_plan_s_ = 0.0;                   // summed over the turns done
   int turns_done_ = 0;
   RunSnapshot at_;
   bool pause_comes_ = false, measured_ = false;
   std::function<void(const OperatorScreen&)> show_;
 };
 
-// Before each unit of a live batch somebody or something has to mount it.
+// Has a unit of a live batch mounted, by a person or by a hook.
 //
 //   hook.mount is set       it is run (orchestrator/station/child_program.h: TURNCAL_EVENT = mount) for at most hook.mount_time_s; code 0: mounted
 //   input is a terminal     the operator is asked: Enter when it is mounted, `skip REASON`, `quit`
 //   neither                 hook.needs_operator is called, and the batch ends
 //
-// Whatever is not "mounted" or "skipped" is an error of kind interrupted that says what to do: the same command goes on with the unit.
-// A dry run mounts nothing and asks nothing: its hook could move something real.
+// Anything but "mounted" or "skipped" is an error of kind interrupted that says what to do: the same command goes on with the unit.
+// A dry run mounts nothing and asks nothing, because its hook could move something real.
 struct Mounted {
   std::optional<std::string> skipped;  // the reason
 };

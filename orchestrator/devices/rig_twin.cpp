@@ -20,10 +20,10 @@ namespace turncal {
 
 namespace {
 
-constexpr double unit_patience_s = 5.0;  // of the host, for a station that is busy
+constexpr double unit_patience_s = 5.0;  // host time, for a busy station
 constexpr int unit_pause_ms = 1;
 
-// The rig's pulses, or rad and m/s of their nominal weight where the station's unit sends those.
+// Gives the rig's pulses, or rad and m/s by their nominal weight when the station's unit sends those.
 class GuardedImu : public FrontImu {
  public:
   GuardedImu(ImuSource& source, std::mutex& mutex, const FrameDescription& frame, const RigConfig& rig)
@@ -60,7 +60,7 @@ class GuardedImu : public FrontImu {
   Increment gyro_, accel_;
 };
 
-// A table that knows its zero is a rig that does.
+// Gives the rig an absolute encoder when the table homes by one.
 RigConfig as_the_table(RigConfig rig, const StationConfig& station) {
   if (station.table.map && station.table.map->home_by_encoder) rig.table.absolute_encoder = true;
   return rig;
@@ -76,7 +76,7 @@ RigTwin::~RigTwin() = default;
 Status RigTwin::open_table(const StationConfig& station, const TwinSettings& settings) {
   const std::string& given = settings.table;
   if (station.table.map) {
-    // What the watchdog waits for is a program on this host: it counts the host's seconds, however fast the rig's pass.
+    // The watchdog waits for a program on this host, so it counts host seconds, however fast the rig runs.
     RegisterMap map = *station.table.map;
     map.watchdog_s *= std::max(1.0, settings.speed_up);
     server_.reset(drives_ = new ModbusTwin(std::move(map), group_.table(), group_));
@@ -128,7 +128,7 @@ Status RigTwin::open_line(const StationConfig& station, std::size_t unit, double
   unit_line->streamer = std::make_unique<FrameStreamer>(*unit_line->guarded, station.imu->frame, *unit_line->line,
                                                         speed_up, unit_patience_s);
   lines_.push_back(std::move(unit_line));
-  // Once now, so that a frame that does not fit the rig is said before anybody waits for it.
+  // Started once now, so that a frame that does not fit the rig is reported before anybody waits for it.
   return lines_.back()->streamer->start(monotonic_s());
 }
 

@@ -1,17 +1,17 @@
-// From its first object to the end of the program no signal that can be caught ends or stops it without the table being left as it should,
+// From the first object to the end of the program no catchable signal ends or stops the program without the table being left properly,
 // nor cuts short what is then left to be written and printed:
 //
 //   SIGINT                                                                 a request
-//   SIGTERM, SIGHUP; SIGQUIT, USR1, USR2, ALRM, VTALRM, PROF, PWR, IO, XCPU   the same, told to end
-//   SIGPIPE, SIGXFSZ          ignored: a write that fails says so (a reader that went away, a file size limit)
+//   SIGTERM, SIGHUP; SIGQUIT, USR1, USR2, ALRM, VTALRM, PROF, PWR, IO, XCPU   a request to end
+//   SIGPIPE, SIGXFSZ          ignored: a failing write reports it (a reader that went away, a file size limit)
 //   SIGTSTP, SIGTTIN, SIGTTOU  ignored: a stopped process cannot watch a table that turns
 //
-// Three counts, since a pause must not cut a driver's waits short, and a run that the system ended was not aborted by an operator:
+// There are three counts, because a pause must not cut a driver's waits short, and an operator did not abort a run that the system ended:
 //   pauses()    1 once the first request was a SIGINT, for a run that asked for that (FirstInterrupt::pauses)
 //   requests()  every other request: stop now, each further one faster
 //   ends()      those of requests() from the first on that was not SIGINT
 // They outlive the object and hold for the next one: a program that was asked to stop begins nothing more.
-// While an object lives, a reader of the output that does not read cannot hold the program up (Unhindered).
+// While an object lives, a reader that does not read the output cannot block the program (Unhindered).
 #pragma once
 
 #include <array>
@@ -33,7 +33,7 @@ class StopSignals {
     for (std::size_t i = 0; i < signals.size(); ++i) {
       struct sigaction action {};
       action.sa_handler = i < request_count ? &StopSignals::on_signal : SIG_IGN;
-      // One at a time, so that the first is the first.
+      // Blocks the others meanwhile, so that the first signal is handled first.
       for (const int other : signals) sigaddset(&action.sa_mask, other);
       sigaction(signals[i], &action, nullptr);
     }
@@ -45,7 +45,7 @@ class StopSignals {
   static const std::atomic<int>& pauses() { return pauses_; }
   static const std::atomic<int>& ends() { return ends_; }
   static bool any() { return requests_ + pauses_ > 0; }
-  // For a process that runs one command line after another: the next is asked anew.
+  // For a process that runs several command lines: forgets the requests before the next.
   static void forget() { requests_ = pauses_ = ends_ = 0; }
 
  private:
@@ -55,11 +55,11 @@ class StopSignals {
       return;
     }
     may_pause_ = 0;
-    if (signal != SIGINT || ends_ > 0) ++ends_;  // before the request that it explains
+    if (signal != SIGINT || ends_ > 0) ++ends_;  // counted before the request that it explains
     ++requests_;
   }
 
-  static constexpr std::size_t request_count = 12;  // the rest is ignored
+  static constexpr std::size_t request_count = 12;  // the others are ignored
   static constexpr std::array<int, 17> signals = {SIGINT,  SIGTERM,   SIGHUP,  SIGQUIT, SIGUSR1, SIGUSR2,
                                                   SIGALRM, SIGVTALRM, SIGPROF, SIGPWR,  SIGIO,   SIGXCPU,
                                                   SIGPIPE, SIGXFSZ,   SIGTSTP, SIGTTIN, SIGTTOU};
