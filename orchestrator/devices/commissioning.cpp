@@ -23,7 +23,7 @@ namespace turncal {
 namespace {
 
 constexpr double homing_deadline_s = 300.0;
-constexpr double least_pose_deg = 30.0;  // a smaller one tells little of an accelerometer's sign
+constexpr double least_pose_deg = 30.0;  // a smaller angle tells little about an accelerometer's sign
 
 class Trial {
  public:
@@ -46,7 +46,7 @@ class Trial {
   }
   struct Turn {
     double turned_deg = 0.0;  // by the encoder
-    Eigen::Vector3d sum;      // of the gyros, less their mean before it
+    Eigen::Vector3d sum;      // of the gyros, minus their mean before the turn
   };
   Result<Turn> turn(Axis axis) {
     TRY(rest());
@@ -66,7 +66,7 @@ class Trial {
     TRY(move(axis, 0.0, settings_.rate_degps));
     return turned;
   }
-  // Sends the axis off and stops it, as a run does that is told to end: it has to stand short of its target.
+  // Sends the axis off and stops it, as a run told to end does: it has to come to rest short of its target.
   Status stop_on_way(Axis axis, double to_deg, double rate_degps) {
     constexpr double share = 0.3;  // of the way, before the stop
     const Sent sent = TRY(send(axis, to_deg, rate_degps));
@@ -100,7 +100,7 @@ class Trial {
         "{} was homed, and after a stop says no longer that it is: expected {} as the table's manual has it",
         to_string(axis), bit_text("homed"));
   }
-  // The accelerometers' mean of a sample at rest, with one axis turned to an angle (none: where it stands). The axis then goes back.
+  // Returns the accelerometers' mean per sample at rest, with one axis turned to an angle (none: as it stands). The axis then goes back.
   Result<Eigen::Vector3d> force_at(std::optional<Axis> axis, double to_deg) {
     const double rate_degps = axis ? std::min(settings_.pose_rate_degps, limits_of(*axis).max_rate_degps) : 0.0;
     TRY(axis ? move(*axis, to_deg, rate_degps) : rest());
@@ -110,7 +110,7 @@ class Trial {
     if (axis) TRY(move(*axis, 0.0, rate_degps));
     return mean;
   }
-  // How late the host was where no rate of the axis could be judged; 0: one was.
+  // Returns the host's delay when no rate of the axis could be judged; 0: one was.
   double unjudged_s(Axis axis) const { return unjudged_s_[axis]; }
   const AxisLimits& limits_of(Axis axis) const { return station_.axis[index(axis)]; }
 
@@ -137,7 +137,7 @@ class Trial {
     }
     return {};
   }
-  // Reads the unit for rest_s with no axis sent anywhere, and sees that none turns.
+  // Reads the unit for rest_s while no axis is sent, and checks that none turns.
   Status rest() {
     const TableStatus now = TRY(read_table());
     hold(now, std::nullopt);
@@ -145,7 +145,7 @@ class Trial {
     return wait_until(settings_.rest_s + station_.imu_timeout_s, "no samples from the unit",
                       [&](const TableStatus&) { return devices_.clock.now_s() >= end_s && sums_.samples > samples; });
   }
-  // From here on every axis stays where it was read, but for the one that is sent.
+  // From now on every axis must stay where it was read, except the one that is sent.
   void hold(const TableStatus& axes, const std::optional<Move>& sent) {
     held_deg_.emplace();
     for (const Axis axis : all_axes) (*held_deg_)[axis] = axes[index(axis)].position_deg;
@@ -159,7 +159,7 @@ class Trial {
       if (const auto said = too_fast(axes, asked_s))
         return sent_ ? scale_error(sent_->axis, *said, std::nullopt) : device_error(*said);
       for (const Axis axis : all_axes) {
-        // Until they are held the drives come on and find their zero.
+        // Before hold() the drives are still switching on and searching their zero.
         const std::string trouble = trouble_of(axis, axes[index(axis)], held_deg_.has_value());
         if (!trouble.empty()) return device_error(trouble);
       }
@@ -177,7 +177,7 @@ class Trial {
     const auto said = speed_.add(axes, asked_s, devices_.clock.now_s(), sent_, !held_deg_);
     return said ? said : speed_.add_felt({&felt_}, axes, sent_, !held_deg_);
   }
-  // factor: how many times too fast the axis turned; none: no less than is said.
+  // factor: how many times too fast the axis turned; none: at least as much as `said` says.
   Error scale_error(Axis axis, const std::string& said, std::optional<double> factor) const {
     const TableConfig& table = station_.table;
     if (!table.described()) return input_error(said);
@@ -188,8 +188,7 @@ class Trial {
                        : table.map ? "less, or another rate.type"
                                    : "less");
   }
-  // An axis that turns at another rate than it was sent: by how much, as the unit felt it, or by its way and time where the unit's scale is
-  // not known.
+  // Compares the rate of an axis with the commanded one, as the unit felt it or, when the unit's scale is unknown, by angle and time.
   Status judge_rate(const Move& move, double from_deg, double at_deg, double took_s) {
     constexpr double tolerance = 0.2;
     constexpr double least_deg = 0.5;
@@ -199,12 +198,12 @@ class Trial {
         std::min(move.rate_degps, std::sqrt(std::abs(move.target_deg - from_deg) * move.acceleration_degps2));
     const std::optional<double> felt_degps = felt_.end_turn(way_deg);
     if (const auto said = SpeedWatch::judge_turn({&felt_}, move, way_deg)) return device_error(*said);
-    // What is felt holds noise, which counts at slow rates; the mean over the way holds the settling, which counts at quick ones.
+    // The felt rate contains noise, which matters at slow rates; the mean rate contains the settling, which matters at fast ones.
     const double mean_degps = way_deg / took_s;
     const bool slow = felt_degps && *felt_degps < (1.0 - tolerance) * peak_degps;
     const double degps = slow ? mean_degps : felt_degps.value_or(mean_degps);
     const double factor = degps / peak_degps;
-    // The mean over the way is slower than the peak, and ends with the settling.
+    // The mean rate is below the peak, because it includes ramps and settling.
     if (felt_degps ? std::abs(factor - 1.0) <= tolerance : factor <= 1.0 + tolerance && factor > 0.3) return {};
     return scale_error(
         move.axis,
@@ -237,7 +236,7 @@ class Trial {
                 std::abs(to_deg - from.position_deg) / rate_degps + 2.0 * rate_degps / acceleration_degps2 +
                     station_.motion.deadline_margin_s};
   }
-  // There, and a rest.
+  // Moves the axis, and rests.
   Status move(Axis axis, double to_deg, double rate_degps) {
     const double began_s = devices_.clock.now_s();
     const Sent sent = TRY(send(axis, to_deg, rate_degps));
@@ -253,7 +252,7 @@ class Trial {
       return !a.moving && a.in_position && is_at(a, to_deg);
     });
     const double waited_s = devices_.clock.now_s() - began_s;
-    if (arrived) TRY(rest());  // what the unit felt on the way may still be on its way
+    if (arrived) TRY(rest());  // samples of the move may still be on their way
     const bool late = !arrived && waited_s > sent.seconds;
     const Result<double> at_deg = arrived || late ? position(axis) : Result<double>(arrived.error());
     if (!at_deg) return arrived ? at_deg.error() : arrived.error();
@@ -288,7 +287,7 @@ class Trial {
   };
   Sums sums_;
   std::optional<std::int64_t> last_counter_;
-  std::optional<AxisTriple> held_deg_;  // none: homing, when any axis may turn
+  std::optional<AxisTriple> held_deg_;  // none while homing, when any axis may turn
   HomingWatch homing_{station_.axis};
   FeltRate felt_;
   SpeedWatch speed_;
@@ -296,7 +295,7 @@ class Trial {
   AxisTriple unjudged_s_{{1e9, 1e9, 1e9}};
 };
 
-// What the sum of the gyros says about a turn of `axis` by turned_deg; the error names axis, expected and found.
+// Judges the gyros' sum over a turn of `axis` by turned_deg; the error names axis, expected and found.
 Status judge_turn(Axis axis, double turned_deg, const Eigen::Vector3d& sum, IncrementKind kind,
                   const CommissioningSettings& settings) {
   const Eigen::Vector3d about = body_axis_of(axis, {});
@@ -344,7 +343,7 @@ Status try_poses(Trial& trial, const RecordingInfo& info, double gravity_mps2, c
   limits.direction_deg = settings.direction_deg;
   limits.force_tolerance = settings.force_tolerance;
   const double weight_mps =
-      info.accel_increment == IncrementKind::pulses ? info.accel_pulse_mps : 1.0;  // of an increment
+      info.accel_increment == IncrementKind::pulses ? info.accel_pulse_mps : 1.0;  // per increment
   const std::pair<std::optional<Axis>, const char*> poses[] = {
       {std::nullopt, "level"}, {Axis::pitch, "pitch"}, {Axis::roll, "roll"}};
   for (const auto& [axis, name] : poses) {
