@@ -22,7 +22,7 @@ constexpr std::array<std::string_view, 13> type_names = {"begin", "transition", 
 
 constexpr std::uint32_t journal_magic = 0x4a435489;  // the bytes 0x89 'T' 'C' 'J'
 
-// Any text as one value of a key-value line: '%', '#' and control characters as %XX, and a blank at either end.
+// Escapes any text as the value of a key-value line: '%', '#' and control characters as %XX, and a blank at either end.
 std::string escaped_value(std::string_view text) {
   std::string result;
   for (std::size_t i = 0; i < text.size(); ++i) {
@@ -40,7 +40,7 @@ std::string_view text_of(const Record& record) {
   return {reinterpret_cast<const char*>(record.payload.data()), record.payload.size()};
 }
 
-// The keys of the first unit have no prefix; the others' are unit.2.next_sample and so on.
+// Keys of the first unit have no prefix; the others' are unit.2.next_sample and so on.
 std::string unit_prefix(std::size_t unit) { return unit == 0 ? "" : "unit." + std::to_string(unit + 1) + "."; }
 
 // Calls `take` for every record; the scanner then says where the good part ends.
@@ -64,7 +64,7 @@ JournalFields fields_of(KeyValueFile& file) {
   return fields;
 }
 
-// Texts are escaped; one that is empty is not written.
+// Reads fields whose texts are escaped; an empty text was not written.
 void read_record(KeyValueFile& file, const Fields& fields) {
   for (const Field& field : fields) {
     std::string* const* const text = std::get_if<std::string*>(&field.value);
@@ -83,9 +83,9 @@ CompletedDwell read_dwell(KeyValueFile& file) {
   return dwell;
 }
 
-// Bytes at the end that are no record.
+// Returns the number of bytes at the end that are not a record.
 Result<std::uint64_t> scan_file(const std::string& path, const std::function<Status(const Record&)>& take) {
-  TRY(expect_file(folder_of(path), FileKind::recording));  // of the run: a folder, or what somebody gave for one
+  TRY(expect_file(folder_of(path), FileKind::recording));  // the run's folder, or whatever path was given for it
   PosixFile file = TRY(PosixFile::open_to_read(path));
   const std::uint64_t size = TRY(file.size());
   RecordScanner scanner(file, size, journal_magic);
@@ -296,12 +296,12 @@ Result<JournalContents> read_journal(const std::string& path) {
                                    fields.number(unit_prefix(unit) + "clock_uncertainty_ppm")};
         }
         break;
-      case JournalType::resume:  // what was commanded after the last completed dwell is taken back
+      case JournalType::resume:  // discards commands after the last completed dwell
         contents.commands.resize(commands_kept);
         std::erase_if(contents.dropped, [](const auto& dropped) { return dropped.after_last_dwell; });
         ++contents.sessions;
         contents.pause_asked = false;
-        if (fields.has("overdue_reason")) {  // given now: the table's calibration ran out meanwhile
+        if (fields.has("overdue_reason")) {  // given at the resume: the table's calibration has expired meanwhile
           std::erase_if(contents.begin, [](const auto& field) { return field.first == "overdue_reason"; });
           contents.begin.emplace_back("overdue_reason", unescaped_value(fields.text("overdue_reason")));
         }
@@ -309,7 +309,7 @@ Result<JournalContents> read_journal(const std::string& path) {
       case JournalType::verdict: contents.verdicts.push_back(fields_of(fields)); break;
       case JournalType::dropout: read_record(fields, fields_of(contents.dropped.emplace_back())); break;
       case JournalType::settle: read_record(fields, fields_of(contents.settled.emplace_back())); break;
-      case JournalType::estimate: contents.estimate = fields_of(fields); break;  // found again from the samples
+      case JournalType::estimate: contents.estimate = fields_of(fields); break;  // follows from the samples
       case JournalType::transition: {
         contents.transition = fields_of(fields);
         const std::string &from = value_of(contents.transition, "from"),

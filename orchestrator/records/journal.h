@@ -1,9 +1,9 @@
 // The journal of a run on disk, `journal.tcj`: append-only numbered records with checksums (imu_io/base/record_log.h), each synced
 // before append returns. A record's payload is `key = value` text; docs/architecture.md lists the types and keys.
 //
-// The file appears whole with its first record or not at all. A torn last record, as a power loss leaves it, is cut off when
-// the journal is opened again; a hole in the middle is damage, and the run it belongs to is not taken up. One process at a
-// time, enforced by a lock.
+// The file appears whole with its first record or not at all. A torn last record, left by a power loss, is cut off when
+// the journal is opened again; a hole in the middle is damage, and the run it belongs to cannot be resumed. A lock admits one process
+// at a time.
 #pragma once
 
 #include <cstdint>
@@ -43,11 +43,11 @@ std::string_view to_string(JournalType type);
 
 using JournalFields = KeyTexts;  // an empty value is left out of the record
 
-std::string unescaped_value(std::string_view text);  // of a record: %XX as the character
+std::string unescaped_value(std::string_view text);  // of a record: replaces %XX by the character
 
 Fields fields_of(TableCommand& command);
 Fields fields_of(Dropout& dropout);
-// Of a dwell that is read: for as many units as it has been given room for.
+// Fields for as many units as `dwell` has room for when it is read.
 Fields fields_of(CompletedDwell& dwell);
 
 class JournalFile : public RunJournal {
@@ -55,7 +55,7 @@ class JournalFile : public RunJournal {
   static Result<JournalFile> create(const std::string& path, const JournalFields& begin);
   static Result<JournalFile> reopen(const std::string& path);  // the torn tail is cut
 
-  // On disk when this returns success. After an error every further append is refused. A journal that somebody has moved, removed or
+  // Appends a record, on disk on success. After an error every further append is refused. A journal that was moved, removed or
   // changed meanwhile is an error.
   Status append(JournalType type, const JournalFields& fields);
 
@@ -64,24 +64,24 @@ class JournalFile : public RunJournal {
   Status dwell(const CompletedDwell& dwell) override;
   Status dropout(const Dropout& dropout) override;
   Status seal(double utc_s, const std::vector<std::string>& hashes) override;
-  Status check_kept() const { return status_ ? file_.check_kept() : status_; }  // as the next record would find it
+  Status check_kept() const { return status_ ? file_.check_kept() : status_; }  // as the next append would
   Status clock_set(double by_s, const RunSnapshot& at);
-  // What is known of the units' clocks; goes with the seal.
+  // Keeps the clock errors of the units for the seal record.
   void note_clocks(std::vector<std::optional<UnitClock>> clocks) { clocks_ = std::move(clocks); }
 
  private:
   JournalFile(PosixFile file, std::uint32_t next_number) : file_(std::move(file)), next_number_(next_number) {}
   PosixFile file_;
   std::uint32_t next_number_ = 0;
-  Status status_;  // the first error: nothing is written after it
+  Status status_;  // first error; nothing is written after it
   std::vector<std::optional<UnitClock>> clocks_;
 };
 
-// What a run did at the end of its plan about effects that its diagnosis could not tell apart. With a sequence: its steps follow the plan.
+// What a run did at the end of its plan about confounded effects. With a sequence: its steps follow the plan.
 struct Settling {
   std::string unit, doubt;  // "accel_second_order or accel_third_order"
-  double added_s = 0.0;     // recorded for it; 0: nothing was found that tells them apart
-  std::string why_not;      // nothing was
+  double added_s = 0.0;     // recorded for it; 0: nothing was found that separates them
+  std::string why_not;      // why nothing was found
   std::string sequence;     // text of the legs
 };
 Fields fields_of(Settling& settling);
@@ -90,40 +90,40 @@ Fields fields_of(Settling& settling);
 struct JournalContents {
   JournalFields begin;
   std::optional<CompletedDwell> last_dwell;
-  std::vector<TableCommand> commands;            // up to last_dwell, without those of attempts that were taken back
-  std::optional<double> seal_utc_s;              // of the last attempt to seal
-  std::vector<std::string> hashes;               // the same: of the recordings' contents, by unit; empty: none was kept
-  std::vector<std::optional<UnitClock>> clocks;  // the same
+  std::vector<TableCommand> commands;  // up to last_dwell, without those of discarded attempts
+  std::optional<double> seal_utc_s;    // last attempt to seal
+  std::vector<std::string> hashes;     // at that attempt: content hashes of the recordings, by unit; empty: none
+  std::vector<std::optional<UnitClock>> clocks;  // at that attempt
   int sessions = 1;                              // 1 + resumes
-  std::vector<Settling> settled;                 // as they came
-  std::vector<JournalFields> results, verdicts;  // one a unit, as they came
+  std::vector<Settling> settled;                 // in order
+  std::vector<JournalFields> results, verdicts;  // one for each unit, in order
   JournalFields transition, estimate;            // the newest
   struct Failed {
-    double utc_s, last_dwell_utc_s;  // 0: none was complete
+    double utc_s, last_dwell_utc_s;  // 0: no dwell was complete
   };
-  std::vector<Failed> failed;    // each time it ended with a fault
-  bool pause_asked = false;      // since it was begun or taken up again
-  bool stop_unverified = false;  // and the table was not reached since
+  std::vector<Failed> failed;    // each fault that ended a session
+  bool pause_asked = false;      // since the last begin or resume
+  bool stop_unverified = false;  // and the table was not reached afterwards
   struct DroppedUnit : Dropout {
-    bool after_last_dwell = true;  // taken back with all that came after it, unless the recordings are sealed
+    bool after_last_dwell = true;  // discarded with what came after the dwell, unless the recordings are sealed
   };
   std::vector<DroppedUnit> dropped;
 
-  std::vector<std::string> units() const;  // their serial numbers
-  // Of `results` or `verdicts`, of a unit; null: none yet.
+  std::vector<std::string> units() const;  // serial numbers
+  // Returns a unit's newest record among `results` or `verdicts`; null: none yet.
   const JournalFields* newest(const std::vector<JournalFields>& records, const std::string& unit) const;
 
   const std::string& begin_value(std::string_view key) const { return value_of(begin, key); }  // "" when missing
 };
 
 Result<JournalContents> read_journal(const std::string& path);
-// One line a record, for people: "  12 move       time_s = 7  axis = pitch ...".
+// Returns one line for each record, for people: "  12 move       time_s = 7  axis = pitch ...".
 Result<std::string> journal_as_text(const std::string& path);
-// A row for each field of each record: record, type, key, value.
+// Returns a row for each field of each record: record, type, key, value.
 Result<DataTable> journal_as_table(const std::string& path);
 
-// A run's recording on disk. While it grows it is called `recording.partial.tcr`; only when it is complete and synced does it
-// get its name `recording.tcr`, so that no part of a run can be taken for a whole one.
+// A run's recording on disk. It is called `recording.partial.tcr` while it grows, and `recording.tcr` only when it is complete and
+// synced, so that part of a run cannot be taken for a whole one.
 class RecordingSink : public RunSink {
  public:
   explicit RecordingSink(std::string folder) : folder_(std::move(folder)) {}
@@ -134,7 +134,7 @@ class RecordingSink : public RunSink {
   Status end_segment(SegmentKind kind, std::int64_t end_sample, const AxisTriple& angles_deg) override {
     return writer_->end_segment(kind, end_sample, angles_deg);
   }
-  // A rest that another take of it stands in for.
+  // Sets aside a rest that another take replaces.
   Status set_aside(const Segment& rest) { return writer_->set_aside(rest); }
   Status sync() override { return writer_->sync(); }
   std::optional<std::uint32_t> written() const override {

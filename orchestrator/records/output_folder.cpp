@@ -19,14 +19,14 @@ Result<OutputFolder> OutputFolder::prepare(const std::string& path, std::vector<
   if (fs::exists(path, error) && !fs::is_directory(path, error))
     return input_error(path + ": expected a folder, found a file");
   OutputFolder folder(path, std::move(names));
-  // Whoever fails meanwhile takes the folder away that we found: then it is made once more.
+  // Another command that fails meanwhile removes the folder that we found, so it is made again.
   constexpr int most_races = 100;
   for (int race = 0;; ++race) {
     TRY(folder.make_missing());
     Result<LockFile> lock = hold_folder(path);
     if (!lock && race < most_races && !path_exists(path)) continue;
     if (!lock) {
-      folder.names_.clear();  // they are another's
+      folder.names_.clear();  // they belong to another command
       return lock.error();
     }
     folder.lock_.emplace(std::move(*lock));
@@ -44,7 +44,7 @@ Result<OutputFolder> OutputFolder::prepare(const std::string& path, std::vector<
 Result<OutputFolder> OutputFolder::prepare_results(const std::string& path, const std::string& unit) {
   Result<OutputFolder> folder = prepare(path, {});
   if (!folder) return folder;
-  // The folder of one unit of a group holds no journal.
+  // The folder of one of several units holds no journal.
   for (const char* name : {journal_name, binary_recording_name, partial_recording_name})
     if (path_exists(folder->file(name)))
       return input_error("--out " + path + ": holds a run (" + name + "): expected another folder");
@@ -68,7 +68,7 @@ Status OutputFolder::make_missing() {
     const bool created = fs::create_directory(p, error);
     if (error) return storage_error(p.string(), "cannot make this folder", error.value());
     if (created) created_.push_back(p.string());
-    // A folder that a power loss takes away would take all that is in it.
+    // A power loss that removes a folder would remove all its contents.
     TRY(sync_folder(folder_of(p.string())));
   }
   return {};

@@ -1,4 +1,4 @@
-// The parameter files in use, one a unit, with every version kept:
+// The parameter file in use of each unit, with all versions:
 //
 //   STORE/SERIAL/parameters.conf          the one in use, replaced atomically
 //   STORE/SERIAL/versions/0001.conf ...   never changed, never removed
@@ -13,12 +13,12 @@
 
 namespace turncal {
 
-// A serial number as the name of a file or folder: what is no letter, digit, '-' or '_' as %xx.
+// Returns a serial number as the name of a file or folder: %xx replaces whatever is not a letter, digit, '-' or '_'.
 std::string name_of_unit(const std::string& unit);
-// Where a store keeps the files of a unit.
+// Returns the folder of a unit in a store.
 std::string unit_folder(const std::string& store, const std::string& unit, bool simulated);
 
-// A version of its own unless the newest one has the same bytes; then in use. Both durable on success.
+// Stores a new version, unless the newest has the same bytes, and puts it in use. Both are durable on success.
 Status put_in_use(const std::string& store, const ParameterFile& file);
 // Brings a version back into use.
 Status restore_version(const std::string& store, const std::string& unit, int version, bool simulated);
@@ -27,10 +27,10 @@ struct StoredVersion {
   int number = 0;
   std::string path;
   bool in_use = false;
-  Status status;  // an error: damaged, and there is no file
+  Status status;  // an error when damaged; there is no `file` then
   ParameterFile file;
 };
-// An error when there is none; it says so where the unit has some of the other kind, simulated or not.
+// Returns all versions of a unit. An error when there are none, which says so if the unit has some of the other kind, simulated or not.
 Result<std::vector<StoredVersion>> stored_versions(const std::string& store, const std::string& unit, bool simulated);
 
 }  // namespace turncal

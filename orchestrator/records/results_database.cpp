@@ -20,8 +20,8 @@ namespace turncal {
 
 namespace {
 
-// Columns of calibration from station on come from the parameter file's record.* keys of the same name; content is the hash of that file.
-// run: as AttemptRecord has it; NULL: there was none. Nothing is ever changed: what is newer is another row, and the views show the newest.
+// Columns of calibration from `station` on come from the parameter file's record.* keys of the same name; `content` is the hash of that file.
+// run: as in AttemptRecord; NULL: there was none. Nothing is ever changed: newer data are another row, and the views show the newest.
 constexpr const char* schema = R"(
 CREATE TABLE calibration(
   id @ID, unit TEXT NOT NULL, time_utc TEXT NOT NULL, method TEXT NOT NULL, recording_hash TEXT NOT NULL,
@@ -56,14 +56,14 @@ CREATE TABLE schema_version(version BIGINT NOT NULL);
 INSERT INTO schema_version VALUES(4);
 )";
 
-// "$1, $2, $3" for (1, 3).
+// Returns "$1, $2, $3" for (1, 3).
 std::string places(std::size_t first, std::size_t count) {
   std::string text;
   for (std::size_t i = 0; i < count; ++i) text += (i > 0 ? ", $" : "$") + std::to_string(first + i);
   return text;
 }
 
-// 0: a database without tables.
+// Returns the schema's version; 0: a database without tables.
 Result<int> version_of(SqlConnection& database) {
   int version = 0;
   if (TRY(database.has_table("schema_version")))
@@ -72,7 +72,7 @@ Result<int> version_of(SqlConnection& database) {
   return version;
 }
 
-// In a database without tables, inside the caller's transaction; nothing elsewhere.
+// Makes the tables within the caller's transaction, unless there are any.
 Status make_tables_in(SqlConnection& database) {
   TRY(database.hold_schema());
   const int version = TRY(version_of(database));
@@ -83,7 +83,7 @@ Status make_tables_in(SqlConnection& database) {
   return database.run(sql);
 }
 
-// All but id, in the order of the schema.
+// Returns all columns except id, in the order of the schema.
 std::vector<std::string> columns_in(const std::string& table) {
   std::string_view text(schema);
   const std::string head = "CREATE TABLE " + table + "(";
@@ -91,7 +91,7 @@ std::vector<std::string> columns_in(const std::string& table) {
   std::vector<std::string> columns;
   for (const std::string_view one : split(text.substr(0, text.find(");")), ',')) {
     const std::string_view column = one.substr(one.find_first_not_of(" \n")), name = column.substr(0, column.find(' '));
-    // A constraint begins with a capital letter, and its columns have no type.
+    // A constraint begins with a capital letter, and its column names have no type.
     if (name.size() < column.size() && name != "id" && name.front() >= 'a') columns.emplace_back(name);
   }
   return columns;
@@ -105,11 +105,11 @@ std::string column_list(const Fields& fields) {
   return columns;
 }
 
-// Inside the caller's transaction. unique: columns that no two rows share, of a table with ids: a row that is there already is left as it
-// is. The ids of the new rows.
+// Inserts rows within the caller's transaction and returns the ids of the new ones. unique: columns that no two rows share; a row that is
+// already there is left as it is.
 Result<std::vector<std::int64_t>> insert(SqlConnection& database, const std::string& table,
                                          const std::vector<SqlRow>& rows, const std::string& unique = "") {
-  constexpr std::size_t at_once = 24;  // of values: a calibration's
+  constexpr std::size_t at_once = 24;  // the values of one calibration
   const std::string columns = column_list(table);
   std::vector<std::int64_t> ids;
   for (std::size_t from = 0; from < rows.size(); from += at_once) {
@@ -128,10 +128,10 @@ Result<std::vector<std::int64_t>> insert(SqlConnection& database, const std::str
 
 struct AddedRow {
   std::int64_t id = 0;
-  bool is_new = false;  // false: it was there
+  bool is_new = false;  // false: it was there before
 };
 
-// A row of calibration.
+// Adds a row of `calibration`.
 Result<AddedRow> add_calibration(SqlConnection& database, const SqlRow& row) {
   const std::string unique = "unit, recording_hash, method, content";
   const std::vector<std::int64_t> ids = TRY(insert(database, "calibration", {row}, unique));
@@ -146,7 +146,7 @@ Result<AddedRow> add_calibration(SqlConnection& database, const SqlRow& row) {
   return there;
 }
 
-// Which rows a filter lets through, with parameters $1 to $6. verdict: what the column of the verdict is called.
+// Returns the condition of a filter, with parameters $1 to $6. verdict: name of the verdict's column.
 std::string where(const std::string& verdict) {
   return "($1 = '' OR unit = $1) AND ($2 = '' OR station = $2) AND ($3 = '' OR part = $3) AND ($4 = '' OR " + verdict +
          " = $4) AND time_utc >= $5 AND ($6 = '' OR substr(time_utc, 1, length($6)) <= $6)";
@@ -154,9 +154,9 @@ std::string where(const std::string& verdict) {
 
 SqlRow values_of(RecordFilter filter) { return row_of(fields_of(filter)); }
 
-constexpr const char* unique_attempt = "key";  // of attempt_note: the same for the same row, wherever it comes from
+constexpr const char* unique_attempt = "key";  // of attempt_note: equal for equal rows, wherever they come from
 
-// Of a day that there is.
+// Returns whether a text begins a valid time.
 bool begins_a_time(const std::string& text) {
   constexpr std::string_view first = "0001-01-01T00:00:00Z";
   constexpr std::size_t shortest = 4;  // a year
@@ -165,7 +165,7 @@ bool begins_a_time(const std::string& text) {
   return parse_utc(text + std::string(first.substr(text.size()))).has_value();
 }
 
-// What is the same for the same row, wherever it comes from; a refusal before there was a run has nothing but its moment.
+// Returns a key that is equal for equal rows, wherever they come from; a refusal before a run existed has only its moment.
 std::string key_of(const AttemptRecord& a, const SqlRow& row) {
   const std::string whose = a.unit + "|" + a.station + "|";
   if (a.run.empty()) {
@@ -174,7 +174,7 @@ std::string key_of(const AttemptRecord& a, const SqlRow& row) {
            std::to_string(::getpid());
   }
   std::string all;
-  for (std::size_t i = 0; i + 1 < row.size(); ++i) {  // without its calibration, which has another number elsewhere
+  for (std::size_t i = 0; i + 1 < row.size(); ++i) {  // without the calibration's id, which differs between databases
     const std::optional<double> number = as_number(row[i]);
     all += (number ? format_number(*number) : sql_as<std::string>(row[i])) + '\x1f';
   }
@@ -196,7 +196,7 @@ Fields with_id(AttemptRecord& attempt) {
   return fields;
 }
 
-// The row of a parameter file: a column that is none of its facts is a key of its verdict or its record.
+// Returns the row of a parameter file: columns other than its facts are keys of its verdict or its record.
 SqlRow row_of(const ParameterFile& file, const std::string& text, int sessions, const std::string& folder) {
   const std::string* const result = find_further(file, "verdict.result");
   std::map<std::string, SqlValue> facts = {{"unit", file.unit_serial},
@@ -236,7 +236,7 @@ std::string not_of_file(const std::string& where, const std::string& what) {
   return where + ": " + what + " is not that of the parameter file in the row";
 }
 
-// Values and defect: the first of the columns that its parameter file, which has a checksum, does not have like that.
+// Reads the values, and sets as defect the first column that differs from the parameter file, which has a checksum.
 void read_file(const SqlRow& row, const std::string& where, StoredCalibration& c) {
   const Result<ParameterFile> file = parse_parameter_file(c.parameter_file, where + ", parameter file");
   if (file) {
@@ -245,7 +245,7 @@ void read_file(const SqlRow& row, const std::string& where, StoredCalibration& c
     const SqlRow made = row_of(*file, c.parameter_file, c.sessions, c.folder);
     const std::vector<std::string> columns = columns_in("calibration");
     for (std::size_t i = columns.size(); i-- > 0;) {
-      // A file has only what can stand in one of its lines.
+      // A file holds only values that fit in one line.
       const bool unsaid = made[i] == SqlValue("") && (columns[i] == "reason" || columns[i] == "verification");
       if (row[i] != made[i] && !unsaid) c.defect = not_of_file(where, columns[i]);
     }
@@ -255,9 +255,9 @@ void read_file(const SqlRow& row, const std::string& where, StoredCalibration& c
   if (!c.defect.empty()) c.verdict = "damaged";
 }
 
-using Page = std::vector<std::pair<std::int64_t, SqlRow>>;  // with their ids
+using Page = std::vector<std::pair<std::int64_t, SqlRow>>;  // rows with their ids
 
-// The next rows behind `last`.
+// Returns the next rows after `last`.
 Result<Page> page_of(SqlConnection& database, const std::string& table, std::int64_t last, std::int64_t end) {
   Page page;
   TRY(database.run(
@@ -381,7 +381,7 @@ Fields fields_of(StoredCalibration& c) {
           {"parameter_file", &c.parameter_file}};
 }
 
-// Whether there are tables, of this version.
+// Returns whether there are tables of this version.
 Result<bool> ResultsDatabase::has_tables() const {
   const int version = TRY(version_of(*connection_));
   if (version == 0 || version == database_version) return version != 0;
@@ -389,7 +389,7 @@ Result<bool> ResultsDatabase::has_tables() const {
                      ", expected " + std::to_string(database_version) + ": another turncal made it");
 }
 
-// An empty one gets its tables, whole or not at all; of stations that do so at once the second finds it done. keep: false only tries.
+// Makes the tables of an empty database, all or none; of stations that do so at once the second finds it done. keep: false only tries.
 Status ResultsDatabase::make_tables(bool keep) const {
   if (TRY(has_tables()) && keep) return {};
   TRY(connection_->begin());
@@ -408,7 +408,7 @@ Result<ResultsDatabase> ResultsDatabase::open(const std::string& name, const Sql
 }
 
 Status ResultsDatabase::check_writable(const std::string& path) {
-  // The folder too when the file is there: its journal is made beside it.
+  // The folder is checked even when the file exists, because SQLite makes its journal beside it.
   if (Status status = check_folder_writable(folder_of(path)); !status || !path_exists(path)) return status;
   TRY(check_regular_file(path));
   return ResultsDatabase(TRY(connect_to(path, SqlUse::write, {.wait_s = 2.0}))).make_tables(false);
@@ -477,7 +477,7 @@ Result<std::vector<StoredCalibration>> ResultsDatabase::list(const RecordFilter&
 }
 
 Status ResultsDatabase::check() const {
-  if (connection_->sqlite()) TRY(check_pages());  // a server sees to that itself
+  if (connection_->sqlite()) TRY(check_pages());  // a server checks its pages itself
   const std::vector<StoredCalibration> calibrations = TRY(list({}, ""));
   std::map<std::int64_t, const StoredCalibration*> by_id;
   for (const StoredCalibration& c : calibrations) {
@@ -514,7 +514,7 @@ DataTable attempts_table(const std::vector<AttemptRecord>& all) {
 DataTable calibrations_table(const std::vector<StoredCalibration>& all) {
   const auto exported = [](StoredCalibration& c) {
     Fields fields = fields_of(c);
-    fields.pop_back();  // the parameter file
+    fields.pop_back();  // drops the parameter file
     for (StoredValue& v : c.values) fields.insert(fields.end(), {{v.key, &v.value}, {"sigma." + v.key, &v.sigma}});
     for (StoredValue& v : c.values)
       fields.insert(fields.end(), {{"min." + v.key, &v.limit.min},
@@ -539,7 +539,7 @@ Status ResultsDatabase::make_roles() {
   return in_transaction(*connection_, [this] { return connection_->run(roles); });
 }
 
-// Rows of attempts up to the last one that is there now: their calibrations were added before them.
+// Copies attempts up to the last one that exists now: their calibrations were added before them.
 Result<CopiedRows> ResultsDatabase::copy_to(ResultsDatabase& other, bool moves) const {
   SqlConnection& from = *connection_;
   SqlConnection& to = *other.connection_;
@@ -583,7 +583,7 @@ Result<CopiedRows> ResultsDatabase::copy_to(ResultsDatabase& other, bool moves) 
     for (auto& [id, row] : page) {
       SqlValue& calibration = row.back();
       const auto there = number_there.find(sql_as<std::int64_t>(calibration));
-      // A row that has taken the number of one that is gone may name a calibration that was not looked at: another time.
+      // A row that has reused the number of a deleted one may name a calibration that was not copied: it waits for the next time.
       if (as_number(calibration) && there == number_there.end()) continue;
       if (as_number(calibration)) calibration = there->second;
       rows.push_back(std::move(row));
@@ -600,7 +600,7 @@ Result<CopiedRows> ResultsDatabase::copy_to(ResultsDatabase& other, bool moves) 
     if (moves) TRY(in_transaction(from, take_away));
   }
   if (!moves) return copied;
-  // A calibration is added together with a row of its attempt: where that is gone, it is there.
+  // A calibration is added together with a row of its attempt, so a calibration without one has been copied.
   TRY(
       from.run("DELETE FROM calibration WHERE NOT EXISTS (SELECT 1 FROM attempt_note WHERE attempt_note.calibration = "
                "calibration.id)"));
@@ -627,17 +627,17 @@ Status ResultsDatabase::check_pages() const {
 
 Result<std::string> ResultsDatabase::image() const {
   const std::string& name = connection_->name();
-  if (!connection_->sqlite()) {  // the rows of a server, as a file
+  if (!connection_->sqlite()) {  // copies a server's rows into a file
     ResultsDatabase copy(TRY(connect_to_memory(name)));
     TRY(copy.make_tables(true));
-    const Status copied = in_transaction(*connection_, [&]() -> Status {  // of one moment
+    const Status copied = in_transaction(*connection_, [&]() -> Status {  // at one moment
       const Result<CopiedRows> rows = copy_to(copy);
       return rows ? Status{} : rows.error();
     });
     return copied ? copy.image() : Result<std::string>(copied.error());
   }
   sqlite3_int64 size = 0;
-  // As one that is read: what is being written is waited for, as with any other statement.
+  // In a read transaction, which waits for a writer as any other statement does.
   TRY(connection_->run("BEGIN; SELECT count(*) FROM sqlite_master"));
   const std::unique_ptr<unsigned char, void (*)(void*)> bytes(
       sqlite3_serialize(connection_->sqlite(), "main", &size, 0), sqlite3_free);
@@ -705,7 +705,7 @@ Result<std::vector<AttemptRecord>> recorded_attempts(const StationConfig& statio
   const std::string file = records_file(station);
   if (!file.empty() && path_exists(file)) TRY(take(file));
   if (!names_a_server(station.database)) return all;
-  // What waits here is newer than what the server has of this station, and says that the server was away a moment ago.
+  // Waiting rows are newer than the server's rows of this station, and show that the server was away a moment ago.
   if (!all.empty())
     trouble = station.database + ": results database: not all of it: " + station.outbox + " keeps rows for it";
   else if (Status status = take(station.database); !status)

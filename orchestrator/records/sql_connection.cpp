@@ -1,4 +1,4 @@
-// SQLite: a results database in a file. PostgreSQL: one on a server, over libpq without waiting calls, so that every wait has a deadline of ours.
+// SQLite, for a results database in a file; PostgreSQL, on a server, through libpq without blocking calls, so that every wait has our deadline.
 #include "orchestrator/records/sql_connection.h"
 
 #include <fmt/format.h>
@@ -80,7 +80,7 @@ Status in_transaction(SqlConnection& connection, const std::function<Status()>& 
   Status status = job();
   if (status) status = connection.run("COMMIT");
   if (!status) {
-    const Status undone = connection.run("ROLLBACK");  // where it cannot be said, the end of the connection says it
+    const Status undone = connection.run("ROLLBACK");  // if this fails, the end of the connection rolls back
     static_cast<void>(undone);
   }
   return status;
@@ -120,7 +120,7 @@ class SqliteConnection : public SqlConnection {
   Error failed(const std::string& sql) const {
     const int code = sqlite3_errcode(handle_);
     const bool not_ours =
-        code == SQLITE_NOTADB || code == SQLITE_ERROR;  // the rest is locked, full, read-only or broken
+        code == SQLITE_NOTADB || code == SQLITE_ERROR;  // other codes: locked, full, read-only or broken
     std::string why = sqlite3_errmsg(handle_);
     if (const int error = sqlite3_system_errno(handle_); code == SQLITE_CANTOPEN && error != 0)
       why += std::string(" (") + std::strerror(error) + ")";
@@ -175,15 +175,15 @@ Result<std::shared_ptr<SqlConnection>> opened(const std::string& path, const std
   return std::shared_ptr<SqlConnection>(connection);
 }
 
-constexpr double answer_s = 60.0;  // of a server that is there, to one statement
+constexpr double answer_s = 60.0;  // for one statement, by a server that is there
 
-// What libpq says in several lines, in one.
+// Joins the lines of a message from libpq.
 std::string one_line(std::string_view said) {
   while (said.ends_with('\n')) said.remove_suffix(1);
   return fmt::format("{}", fmt::join(split(said, '\n'), "; "));
 }
 
-// A server takes nothing else.
+// Returns valid UTF-8, because a server accepts nothing else.
 std::string as_utf8(std::string_view text) {
   std::string valid;
   while (!text.empty()) {
@@ -195,7 +195,7 @@ std::string as_utf8(std::string_view text) {
   return valid;
 }
 
-// Its text, as the type of its column reads it.
+// Returns a value as text that its column's type can read.
 std::string as_parameter(const SqlValue& value) {
   if (const double* const number = std::get_if<double>(&value)) return format_number(*number);
   if (const std::int64_t* const whole = std::get_if<std::int64_t>(&value)) return format_number(*whole);
@@ -207,7 +207,7 @@ std::string as_parameter(const SqlValue& value) {
   return as_utf8(sql_as<std::string>(value));
 }
 
-// Of kind device: what may be mended by waiting, or by the server's administrator (resources, shutdown, conflict of two writers).
+// Returns kind device for errors that time or the server's administrator may remove (resources, shutdown, conflict of two writers).
 ErrorKind kind_of(const char* state) {
   const std::string_view which = std::string_view(state ? state : "08").substr(0, 2);
   const bool ours = which == "42" || which == "22" || which == "23" || which == "25";
@@ -217,7 +217,7 @@ ErrorKind kind_of(const char* state) {
 SqlValue cell_of(const PGresult* rows, int row, int column) {
   if (PQgetisnull(rows, row, column)) return {};
   const char* const text = PQgetvalue(rows, row, column);
-  constexpr Oid int8 = 20, int2 = 21, int4 = 23, bytea = 17, float4 = 700, float8 = 701;  // of its catalogue pg_type
+  constexpr Oid int8 = 20, int2 = 21, int4 = 23, bytea = 17, float4 = 700, float8 = 701;  // from the catalogue pg_type
   switch (PQftype(rows, column)) {
     case int8:
     case int4:
@@ -246,7 +246,7 @@ class PostgresConnection : public SqlConnection {
 
   Status open() {
     const char* const words[] = {"dbname", "application_name", "client_encoding", "connect_timeout", nullptr};
-    const char* const values[] = {name().c_str(), "turncal", "UTF8", "0", nullptr};  // the deadline is ours
+    const char* const values[] = {name().c_str(), "turncal", "UTF8", "0", nullptr};  // we keep the deadline
     const double until_s = std::min(until_s_, monotonic_s() + connect_s_);
     handle_ = PQconnectStartParams(words, values, 1);
     if (!handle_) return device_error(name() + ": results database: cannot open: not enough memory");
@@ -274,7 +274,7 @@ class PostgresConnection : public SqlConnection {
                                     : PQsendQueryParams(handle_, sql.c_str(), int(values.size()), nullptr, given.data(),
                                                         nullptr, nullptr, 0);
     if (!sent) return failure(ErrorKind::device, sql, one_line(PQerrorMessage(handle_)));
-    PQsetSingleRowMode(handle_);  // the memory of one row
+    PQsetSingleRowMode(handle_);  // takes the memory of one row
     Status status;
     while (true) {
       TRY(answer(sql));
@@ -319,7 +319,7 @@ class PostgresConnection : public SqlConnection {
     given_up_ = error.message;
     return error;
   }
-  // Until the next result can be taken without waiting.
+  // Waits until the next result can be taken without blocking.
   Status answer(const std::string& sql) {
     const double until_s = std::min(until_s_, monotonic_s() + answer_s);
     while (true) {
@@ -337,7 +337,7 @@ class PostgresConnection : public SqlConnection {
   PGconn* handle_ = nullptr;
   double began_s_ = monotonic_s();
   double until_s_, connect_s_;
-  std::string given_up_;  // why nothing more is said
+  std::string given_up_;  // why the connection is not used any more
 };
 
 Result<std::shared_ptr<SqlConnection>> connect_to_server(const std::string& name, bool writes,

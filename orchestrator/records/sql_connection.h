@@ -1,8 +1,8 @@
-// A connection to a database, an SQLite file or a PostgreSQL server: one way to say a statement to either.
+// A connection to a database, an SQLite file or a PostgreSQL server, with one interface for both.
 //
-// Statements are SQL that both understand, with parameters $1, $2 ... What SQLite calls an affinity is PostgreSQL's type: BIGINT, DOUBLE PRECISION, TEXT, BYTEA.
-// A server is waited for with a deadline, whatever it does or stops doing; after a deadline that has passed the connection says nothing more.
-// Not modelled: the time that the system takes to look up a host's name.
+// Statements are SQL that both understand, with parameters $1, $2 ... Column types are PostgreSQL's, which SQLite takes as affinities: BIGINT,
+// DOUBLE PRECISION, TEXT, BYTEA. Every wait for a server has a deadline; once one has passed the connection is not used any more.
+// Not modelled: the time for resolving a host's name.
 #pragma once
 
 #include <cstddef>
@@ -25,7 +25,7 @@ using SqlBytes = std::vector<std::byte>;
 using SqlValue = std::variant<std::monostate, std::int64_t, double, std::string, SqlBytes>;  // monostate: NULL
 using SqlRow = std::vector<SqlValue>;
 
-// Of this type; NULL, or of another one: empty, 0.
+// Returns the value if it has this type; NULL, or another type: empty, 0.
 template <class Type>
 Type sql_as(const SqlValue& value) {
   const Type* const held = std::get_if<Type>(&value);
@@ -34,11 +34,11 @@ Type sql_as(const SqlValue& value) {
 std::optional<double> as_number(const SqlValue& value);
 SqlValue as_value(const std::optional<double>& value);
 SqlRow row_of(const Fields& fields);
-void take_row(const SqlRow& row, const Fields& fields);  // the columns of the row are those of the fields
+void take_row(const SqlRow& row, const Fields& fields);  // the row's columns are the fields, in order
 
 struct SqlPatience {
-  double wait_s = 10.0;  // with a lock of an SQLite file; to connect to a server
-  double all_s = 1e9;    // everything said to a server, together
+  double wait_s = 10.0;  // for the lock of an SQLite file, or to connect to a server
+  double all_s = 1e9;    // for all statements to a server together
 };
 
 class SqlConnection {
@@ -48,14 +48,14 @@ class SqlConnection {
   SqlConnection(const SqlConnection&) = delete;
   SqlConnection& operator=(const SqlConnection&) = delete;
 
-  // Without values it may be several statements. `each` gets every row.
+  // Runs a statement; without values it may be several. `each` gets every row.
   virtual Status run(const std::string& sql, const SqlRow& values = {},
                      const std::function<void(SqlRow)>& each = {}) = 0;
-  virtual Status begin() = 0;  // until COMMIT or ROLLBACK; of an SQLite file nobody else writes meanwhile
-  virtual Status hold_schema() { return {}; }  // nobody else makes tables until the end of the transaction
+  virtual Status begin() = 0;                  // until COMMIT or ROLLBACK; an SQLite file is locked against writers
+  virtual Status hold_schema() { return {}; }  // nobody else makes tables during the transaction
   virtual Result<bool> has_table(const std::string& table) = 0;
-  virtual const char* identity() const = 0;            // a column's type: a number that the database gives
-  virtual sqlite3* sqlite() const { return nullptr; }  // of an SQLite file: its handle
+  virtual const char* identity() const = 0;            // type of a column whose numbers the database assigns
+  virtual sqlite3* sqlite() const { return nullptr; }  // handle of an SQLite file
 
   const std::string& name() const { return name_; }
 
@@ -67,13 +67,13 @@ class SqlConnection {
   std::string name_;
 };
 
-// All that `job` does, or nothing.
+// Runs `job` in a transaction: all of it takes effect, or nothing.
 Status in_transaction(SqlConnection& connection, const std::function<Status()>& job);
 
-enum class SqlUse { read, write, make };  // make: a file that is not there, too
-// name: as orchestrator/station/station_config.h has it.
+enum class SqlUse { read, write, make };  // make: creates a missing file
+// name: as in orchestrator/station/station_config.h.
 Result<std::shared_ptr<SqlConnection>> connect_to(const std::string& name, SqlUse use, const SqlPatience& patience);
-// An SQLite database of nobody else's; errors call it `name`.
+// Opens a private SQLite database in memory; errors call it `name`.
 Result<std::shared_ptr<SqlConnection>> connect_to_memory(const std::string& name);
 
 }  // namespace turncal

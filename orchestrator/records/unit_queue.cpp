@@ -18,7 +18,7 @@ constexpr const char* again_outcome = "again";
 
 std::string state_path(const std::string& path) { return path + ".state"; }
 
-// A comment begins the line, or follows a blank: "SN#3" is not unit SN.
+// Removes a comment, which begins the line or follows a blank: "SN#3" is not unit SN.
 std::string serial_in(std::string_view line) {
   for (std::size_t mark = 0; (mark = line.find('#', mark)) != std::string_view::npos; ++mark)
     if (mark == 0 || line[mark - 1] == ' ' || line[mark - 1] == '\t') line = line.substr(0, mark);
