@@ -28,13 +28,13 @@ constexpr AllanUnit units[2][allan_terms] = {
      {"accel_random_walk", "ug_per_rt_h", "µg/√h", ug_mps2 / 60.0},
      {"accel_ramp", "ug_per_h", "µg/h", ug_mps2 / 3600.0}}};
 
-// What a datasheet calls bias instability.
+// Returns what a datasheet calls bias instability.
 double floor_of(const AllanAxis& axis) {
   const AllanPoint* const lowest = axis.lowest();
   return lowest == nullptr ? 0.0 : lowest->deviation / std::sqrt(2.0 * std::log(2.0) / pi);
 }
 
-// Of a triad, one number: what is not seen by its limit.
+// One number for a triad; a coefficient that is not seen counts with its limit.
 struct OfTriad {
   double value = 0.0;
   bool limit = false;
@@ -59,7 +59,7 @@ std::string letters_of(unsigned terms) {
 }
 
 void add_notes(const AllanReport& report, Document& document) {
-  constexpr double sure = 4.6;  // of -2 ln L: ten to one
+  constexpr double sure = 4.6;  // difference of -2 ln L: ten to one
   for (std::size_t k = 0; k < 6; ++k) {
     const AllanFit& fit = report.result.axes[k].fit;
     const auto say = [&](const std::string& what) { document.text(std::string(channel_names[k]) + ": " + what); };
@@ -81,7 +81,7 @@ void add_notes(const AllanReport& report, Document& document) {
         say(fmt::format("{} or {}: only a longer record can tell (-2 ln L differs by {})", allan_letters[term],
                         letters_of(c.instead), significant(c.gain, 2)));
     }
-    // Stamps that jitter by s move the sum of the increments by the reading times s: white noise of the velocity.
+    // Jitter s of the time stamps changes the sum of increments by s times the reading: white noise of the velocity.
     const AllanCoefficient& q = fit.quantisation();
     if (k < 3 || !(q.value > 0.0)) continue;
     const double force = std::abs(report.mean_force_mps2[k - 3]);
@@ -140,7 +140,7 @@ void add_coefficients(const AllanReport& report, bool gyro, Document& document) 
   document.add(std::move(table));
 }
 
-// Discrete and continuous forms; formulas: docs/allan.md.
+// Adds discrete and continuous forms; formulas: docs/allan.md.
 void add_ros_forms(const AllanReport& report, Document& document) {
   document.section("ros", "As ROS users write it");
   Table table{{name("name"), number("value"), text("unit"), wide("formula")}};

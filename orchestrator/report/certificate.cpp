@@ -42,7 +42,7 @@ std::string effect_names(const ParameterFile& file) {
   return join(names);
 }
 
-// Of the effects beyond the parameters, what is known.
+// Returns what is known about effects beyond the parameters.
 std::string effects_found(const ParameterFile& file) {
   const std::string diagnosis = of_record(file, "verdict.diagnosis", "not_made");
   std::string words = "not examined";
@@ -59,7 +59,7 @@ std::string effects_found(const ParameterFile& file) {
   return words + ".";
 }
 
-// At the top of the page; empty for a unit that keeps its limits, or has none.
+// Returns the words at the top of the page; empty for a unit that keeps its limits, or has none.
 std::string not_conforming(UnitVerdict verdict) {
   switch (verdict) {
     case UnitVerdict::fail: return "NOT CONFORMING: the unit does not keep its limits (see Conformity)";
@@ -71,7 +71,7 @@ std::string not_conforming(UnitVerdict verdict) {
   }
 }
 
-// What was judged of a value and of its sigma, with the limits.
+// Returns the judgements of a value and of its sigma, with the limits.
 std::string judged_of(const Certificate& c, const std::string& key) {
   std::vector<std::string> words;
   for (const JudgedValue& one : c.conformity.values)
@@ -81,7 +81,7 @@ std::string judged_of(const Certificate& c, const std::string& key) {
   return words.empty() ? "-" : join(words, "; ");
 }
 
-// What was judged beside the parameters: the residual, the temperature, the clock.
+// Returns the judgements of other values: the residual, the temperature, the clock.
 std::string judged_beside(const Certificate& c) {
   std::vector<std::string> words;
   for (const JudgedValue& one : c.conformity.values) {
@@ -93,7 +93,7 @@ std::string judged_beside(const Certificate& c) {
   return join(words, "; ");
 }
 
-// The columns of the budget from `first` to the last but `after`; one that adds nothing to any row is left out.
+// Drops the budget columns from `first` to the last but `after` that are zero in every row, and returns their names.
 std::string drop_empty(Table& table, std::size_t first, std::size_t after) {
   std::vector<std::string> left_out;
   for (std::size_t column = table.head.size() - after; column-- > first;) {
@@ -123,7 +123,7 @@ Table result_table(const Certificate& c) {
   return table;
 }
 
-// A constant that was given and not estimated (a time constant, a width) has no sigma: its unit is the last part of its name.
+// Returns the unit. A constant that was given and not estimated (a time constant, a width) has no sigma; its name ends in its unit.
 std::string effect_unit(const EffectValue& effect) {
   if (!effect.sigma) return effect.component.substr(effect.component.rfind('_') + 1);
   const EffectEntry* const entry = find_effect(effect.name);

@@ -18,7 +18,7 @@ namespace turncal {
 
 namespace {
 
-// Effects in the order of their strongest component.
+// Returns the effects in the order of their strongest components.
 std::vector<std::string> by_strength(const JointResult& result) {
   std::vector<const EstimatedEffect*> order;
   for (const EstimatedEffect& e : result.effects)
@@ -31,7 +31,7 @@ std::vector<std::string> by_strength(const JointResult& result) {
   return names;
 }
 
-// A row a parameter: its covariances with those before it in the order of the file, its variance last.
+// Adds a row for each parameter: its covariances with the previous ones in the order of the file, its variance last.
 void describe_covariance(const JointResult& result, ParameterFile& file) {
   const auto left_out = [&result](int key) { return key >= parameter_count || !result.determined[std::size_t(key)]; };
   if (result.covariance.rows() < Eigen::Index(result.free.size())) return;
@@ -251,7 +251,7 @@ Result<std::string> write_diagnosis(const std::string& folder, const DiagnosisFi
                                     const GnuplotOptions& gnuplot) {
   const std::string parameters =
       TRY(files.parameters ? format_parameter_file(*files.parameters) : Result<std::string>(std::string()));
-  // What this diagnosis does not have must not stay from an earlier one.
+  // A file that this diagnosis does not have must not stay from an earlier one.
   const auto write = [&folder](const char* name, const std::string& text) -> Status {
     const std::string file = folder + "/" + name;
     if (!text.empty()) return write_file_atomically(file, text);

@@ -13,7 +13,7 @@ namespace {
 
 constexpr double nan = std::numeric_limits<double>::quiet_NaN();
 
-// "accel_second_order, second-order nonlinearity K2 (IEEE 1293), x 28.35 +- 0.91 ug/g^2 (31 sigma)": strongest components first.
+// Returns "accel_second_order, second-order nonlinearity K2 (IEEE 1293), x 28.35 +- 0.91 ug/g^2 (31 sigma)", strongest components first.
 std::string describe_effect(const Diagnosis& diagnosis, const std::string& name, std::size_t most, bool with_term) {
   const std::vector<const EstimatedEffect*> parts = strongest_of(diagnosis.extended, name);
   std::vector<std::string> texts;
@@ -63,7 +63,7 @@ std::string clean_sentence(const Diagnosis& d) {
   return text;
 }
 
-// What is left in the final model.
+// Describes the residual of the final model.
 std::string remaining_clause(const Diagnosis& d) {
   std::string text = "rms normalised residual " + ratio(d.error_after) + " against 1 for noise alone, velocity error " +
                      in_mm(velocity_rms_mps(d, true)) + " mm/s rms";
@@ -73,7 +73,7 @@ std::string remaining_clause(const Diagnosis& d) {
   return text;
 }
 
-// A reason as one clause: no full stop at its end.
+// Returns a reason as one clause, without a full stop.
 std::string clause(std::string text) {
   while (!text.empty() && (text.back() == '.' || text.back() == ' ')) text.pop_back();
   return text;
@@ -104,7 +104,7 @@ std::string largest_changes(const Diagnosis& d) {
   return join(parts) + " sigma";
 }
 
-// Share of the energy beyond noise: (chi-square - observations) / observations, not below 0.
+// Returns the energy beyond noise, relative to it: (chi-square - observations) / observations, not below 0.
 double excess_energy(const HoldoutError& error) {
   if (error.observations <= 0) return nan;
   return std::max(0.0, error.chi_square / double(error.observations) - 1.0);
@@ -120,7 +120,7 @@ std::string alias_clause(const Diagnosis& d) {
 }
 
 std::string effects_clause(const Diagnosis& d) {
-  // The more there are, the less is said of each.
+  // With more effects each gets fewer words.
   const std::size_t n = d.effect_names.size();
   std::vector<std::string> effects;
   for (const std::string& name : d.effect_names) effects.push_back(describe_effect(d, name, n == 1 ? 3 : 1, n < 3));

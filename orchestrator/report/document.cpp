@@ -45,11 +45,11 @@ Cell half(double share) { return {Cell::Kind::half, "", share}; }
 
 namespace {
 
-constexpr std::size_t label_width = 16;  // of facts on the terminal
+constexpr std::size_t label_width = 16;  // of facts, on the terminal
 
 bool is_drawn(const Cell& cell) { return cell.kind == Cell::Kind::bar || cell.kind == Cell::Kind::half; }
 
-// For people.
+// Returns the words for people.
 std::string for_people(const Cell& cell) { return cell.kind == Cell::Kind::word ? in_words(cell.words) : cell.words; }
 
 std::string padded(const std::string& text, std::size_t width, bool right) {
@@ -68,7 +68,7 @@ class TextLines {
     constexpr std::size_t most = 7;
     const std::size_t left = terminal_columns - label_width;
     for (const auto& [label, words] : facts.rows) {
-      const bool beside = !facts.list;  // else the label is the beginning of the words
+      const bool beside = !facts.list;  // else the label begins the words
       std::vector<std::string> parts = wrap(plain(beside || label.empty() ? words : label + " " + words), left);
       if (parts.size() > most) {
         parts.resize(most);
@@ -93,7 +93,7 @@ class TextLines {
     }
     std::vector<std::size_t> widths(table.head.size(), 0);
     std::size_t all = 0;
-    // The last column is never cut: nothing stands behind it.
+    // The last column is never cut, because nothing follows it.
     const std::size_t last = widths.size() - (widths.empty() ? 0 : 1);
     for (std::size_t c = 0; c < widths.size(); ++c) {
       for (const auto& row : rows) widths[c] = std::max(widths[c], columns_of(row[c]));
@@ -128,7 +128,7 @@ std::string tag(const char* name, const std::string& style, const std::string& i
   return fmt::format("<{}{}>{}</{}>", name, style.empty() ? "" : " class=\"" + style + "\"", inner, name);
 }
 
-// A number and its percent sign stay on one line.
+// Keeps a number and its percent sign on one line.
 std::string words_html(std::string_view words) {
   std::string html = html_escape(words);
   for (std::size_t at = html.find(" %"); at != std::string::npos; at = html.find(" %", at))
@@ -139,7 +139,7 @@ std::string words_html(std::string_view words) {
 std::string cell_html(const char* name, const Cell& cell) {
   static constexpr std::array styles = {"", "w", "name", "n", "", "half", ""};
   constexpr double width_px = 150.0;
-  constexpr std::size_t longest_line = 34;  // longer texts are broken, but not into columns of single words
+  constexpr std::size_t longest_line = 34;  // longer texts are broken, but not into single words
   std::string inner = html_escape(for_people(cell));
   if (!cell.link.empty()) inner = fmt::format("<a href=\"{}\">{}</a>", html_escape(url_escape(cell.link)), inner);
   if (is_drawn(cell) && std::abs(cell.value) * width_px >= 1.0) {
@@ -169,7 +169,7 @@ struct Html {
     const bool note = paragraph.style == "note", verdict = paragraph.style.starts_with("verdict");
     std::string words = words_html((note ? "Note: " : "") + paragraph.words);
     if (verdict) words.front() = char(std::toupper(static_cast<unsigned char>(words.front())));
-    const std::size_t colon = words.find(':') + 1;  // 0: there is none
+    const std::size_t colon = words.find(':') + 1;  // 0: no colon
     if ((verdict || paragraph.style == "lead") && colon > 0)
       words = tag("b", "", words.substr(0, colon)) + words.substr(colon);
     return (verdict ? tag("div", paragraph.style, tag("p", "", words))
@@ -205,11 +205,11 @@ struct Html {
                        drawing.caption.empty() ? "" : tag("figcaption", "", html_escape(drawing.caption)) + "\n");
   }
 
-  std::map<std::string, std::string> drawn = {};  // by id
+  std::map<std::string, std::string> drawn = {};  // SVG by id
   std::string problem = {};
 };
 
-// A section as it grows.
+// A section of the JSON text, built block by block.
 class JsonSection {
  public:
   void operator()(const Paragraph& paragraph) { text_.push_back(plain(paragraph.words)); }
@@ -253,7 +253,7 @@ class JsonSection {
   std::string tables_;
 };
 
-// Characters beyond ASCII of a UTF-8 text, each once, with its code point.
+// Returns the non-ASCII characters of a UTF-8 text, each once, with its code point.
 std::map<std::string, std::string> unusual_characters(std::string_view text) {
   std::map<std::string, std::string> found;
   while (!text.empty()) {
@@ -265,7 +265,7 @@ std::map<std::string, std::string> unusual_characters(std::string_view text) {
   return found;
 }
 
-// Those that no font installed here has: they are blank in the PDF. Without fontconfig nothing is known of it.
+// Returns the characters that no installed font has: they are blank in the PDF. Without fontconfig this is unknown.
 std::string without_font(const std::string& html) {
   constexpr std::size_t most_asked = 200;
   std::vector<std::string> missing;

@@ -1,4 +1,4 @@
-// A result as data: headings, paragraphs, facts, tables with typed cells, drawings. Each result is made into one document; terminal,
+// A result as data: headings, paragraphs, facts, tables with typed cells, drawings. Each result is one document; terminal,
 // page and JSON are renderings of it. Texts are typographic (28.35 ± 0.91 µg/g²); the terminal gets them as ASCII (plain()).
 #pragma once
 
@@ -17,13 +17,13 @@
 namespace turncal {
 
 struct Cell {
-  // wide: may be broken or cut; name: of a thing; bar: 0 to 1 of its width; half: -1 to 1 from its middle; word: of a file, as
-  // conditional_pass, which JSON keeps.
+  // wide: may be broken or cut; name: names a thing; bar: 0 to 1 of the cell's width; half: -1 to 1 from its middle; word: a word of a file, such
+  // as conditional_pass, which JSON keeps as it is.
   enum class Kind { text, wide, name, number, bar, half, word };
   Kind kind = Kind::text;
   std::string words;
-  double value = std::numeric_limits<double>::quiet_NaN();  // NaN: the words are all there is
-  std::string link = {};                                    // where the words lead on a page; empty: nowhere
+  double value = std::numeric_limits<double>::quiet_NaN();  // NaN: there are only words
+  std::string link = {};                                    // target of the words on a page; empty: none
 };
 
 namespace cell {
@@ -31,9 +31,9 @@ Cell text(std::string_view words);
 Cell wide(std::string_view words);
 Cell name(std::string_view words);
 Cell word(std::string_view of_file);
-Cell number(std::string_view words, double value = std::numeric_limits<double>::quiet_NaN());  // words: as it is shown
+Cell number(std::string_view words, double value = std::numeric_limits<double>::quiet_NaN());  // words: as shown
 Cell number(double value, int digits = 3);                                                     // significant digits
-Cell number(const std::optional<double>& value, int digits = 3);                               // "-": there is none
+Cell number(const std::optional<double>& value, int digits = 3);                               // "-" without a value
 Cell fixed(double value, int decimals);
 Cell count(std::size_t value);
 Cell with_sigma(double value, double sigma);  // to the second significant digit of sigma
@@ -48,10 +48,10 @@ struct Table {
     std::vector<Cell> cells;
     Emphasis emphasis;
   };
-  std::vector<Cell> head;  // the kinds of the columns, too
+  std::vector<Cell> head;  // also gives the kinds of the columns
   std::vector<Row> rows = {};
-  std::string style = {};                                      // of the page
-  std::size_t most = std::numeric_limits<std::size_t>::max();  // rows on the terminal
+  std::string style = {};                                      // on the page
+  std::size_t most = std::numeric_limits<std::size_t>::max();  // most rows on the terminal
   void row(std::vector<Cell> cells, Emphasis emphasis = Emphasis::none) {
     rows.push_back({std::move(cells), emphasis});
   }
@@ -65,18 +65,18 @@ struct Heading {
 
 struct Paragraph {
   std::string words;
-  // Of the page: soft, note, loud; lead and "verdict <which>" are bold up to their colon.
+  // On the page: soft, note, loud; lead and "verdict <which>" are bold up to their colon.
   std::string style = {};
 };
 
-// On the terminal two columns, the second one wrapped; on a page a table, or a list.
+// Two columns on the terminal, the second one wrapped; a table, or a list, on a page.
 struct Facts {
   std::vector<std::pair<std::string, std::string>> rows = {};
   bool list = false;
   void add(std::string label, std::string_view words) { rows.emplace_back(std::move(label), words); }
 };
 
-// page: page and JSON; brief: those, and a terminal without --verbose.
+// Where a block appears. page: page and JSON; brief: page, JSON, and a terminal without --verbose.
 enum class Scope { all, page, terminal, brief };
 
 using Content = std::variant<Heading, Paragraph, Facts, Table, Drawing>;
@@ -86,10 +86,10 @@ struct Document {
     Content content;
     Scope scope;
   };
-  std::string title = {};    // of the window; empty: no page is made of it
+  std::string title = {};    // title of the window; empty: no page is made
   std::string heading = {};  // at the top of the page
   std::vector<Block> blocks = {};
-  Scope scope = Scope::all;  // of blocks that are added without one
+  Scope scope = Scope::all;  // scope of blocks added without one
 
   void add(Content content) { add(std::move(content), scope); }
   void add(Content content, Scope where) { blocks.push_back({std::move(content), where}); }
@@ -97,42 +97,42 @@ struct Document {
   void subsection(std::string name) { add(Heading{3, "", std::move(name)}); }
   void text(std::string words) { add(Paragraph{std::move(words)}); }
   void soft(std::string words, Scope where = Scope::page) { add(Paragraph{std::move(words), "soft"}, where); }
-  // Nothing of a figure without panels.
+  // Adds a figure, unless it has no panels.
   void figure(const Figure& figure) {
     if (!figure.panels.empty()) add(draw(figure), Scope::page);
   }
 };
 
 inline constexpr std::size_t terminal_columns = 100;
-// "20.25 +- 0.75 ug/g^2" of "20.25 ± 0.75 µg/g²".
+// Returns "20.25 +- 0.75 ug/g^2" for "20.25 ± 0.75 µg/g²".
 std::string plain(std::string_view typographic);
-// For the terminal, of at most so many lines, notes not counted.
+// Renders for the terminal, in at most `most` lines, not counting notes.
 std::string as_text(const Document& document, std::size_t most = 100'000);
 std::string as_text(const Content& content);
-// Blocks that are brief, each fact on one line.
+// Renders the brief blocks, each fact on one line.
 std::string as_brief_text(const Document& document);
 
 struct HtmlPage {
   std::string html;
   std::string plot_problem;  // one line when there are no plots, else empty
 };
-// Self-contained: style and drawings (gnuplot) inline, no scripts. Without gnuplot it says so in the place of each.
+// Renders a self-contained page: style and drawings (gnuplot) inline, no scripts. Without gnuplot a text replaces each drawing.
 HtmlPage as_page(const Document& document, const GnuplotOptions& gnuplot = {});
-std::string html(const Content& content);  // of all but drawings
+std::string html(const Content& content);  // of everything except drawings
 
-// A page as PDF, by weasyprint within two minutes (child_program.h). What there is to warn of, for people, in one line; empty: nothing.
+// Writes a page as PDF, by weasyprint within two minutes (child_program.h). Returns a warning for people, in one line; empty: none.
 // An error leaves no file.
 Result<std::string> write_pdf(const std::string& html, const std::string& path);
 
-// {"title", "text": [...], "facts": {...}, "tables": [[{...}]], "sections": [{"id", "title", ...}]}: keys of rows are the heads of columns.
+// Returns {"title", "text": [...], "facts": {...}, "tables": [[{...}]], "sections": [{"id", "title", ...}]}; the keys of rows are the column heads.
 std::string as_json(const Document& document);
 
-// For people, or "json".
+// Renders for people, or as "json".
 inline std::string as(const std::string& format, const Document& document) {
   return format.empty() ? as_text(document) : as_json(document);
 }
 
-// A file of keys and values (KeyValues) as one JSON object, or as CSV with a line a key.
+// Returns a file of keys and values (KeyValues) as one JSON object, or as CSV with one line for each key.
 std::string key_values_as(std::string_view format, std::string_view lines);
 
 }  // namespace turncal

@@ -60,7 +60,7 @@ double east_mmps(const TrackPoint& p) { return 1000.0 * p.velocity_error_mps[1];
 double radial_m(const TrackPoint& p) { return p.moved_m.norm(); }
 double radial_nm(const TrackPoint& p) { return radial_m(p) / metres_per_nautical_mile; }
 
-// To the sigma's digits, from 0 on: no 360.000.
+// Rounds to the sigma's digits, from 0 on, so that 360.000 cannot appear.
 Cell heading_cell(const FreeNavigation& n) {
   constexpr double steepest_deg = 80.0;
   const AttitudeAngles angles = angles_of(n.aligned.q_nb);
@@ -160,7 +160,7 @@ Figure navigation_figure(const NavigationReport& report) {
                                 : k == 1  ? (against ? "" : "other starts")
                                 : against ? "compared with"
                                           : "first start";
-      // The first branch stands out; the others show how far they scatter.
+      // The first branch stands out; the others show the scatter.
       const auto add = [&](Panel& at, double (*value)(const TrackPoint&)) {
         at.series.push_back(series_of(label, colour, navigation, value));
         if (k > 0) at.series.back().style = Series::Style::dashed;
@@ -176,7 +176,7 @@ Figure navigation_figure(const NavigationReport& report) {
   return figure;
 }
 
-// A turn with a tenth of g is off the straight line between two rows by 3 m.
+// In this time a turn at 0.1 g departs from the straight line between two rows by 3 m.
 constexpr double seldom_s = 5.0;
 
 Document navigation_document(const NavigationReport& report) {

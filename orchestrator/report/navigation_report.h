@@ -1,4 +1,4 @@
-// Free navigation with a parameter file: what is asked for, and its result as a file, a track, a drawing and a document.
+// Free navigation with a parameter file: the request, and the result as a file, a track, a figure and a document.
 #pragma once
 
 #include <optional>
@@ -17,49 +17,49 @@ struct NavigationRequest {
   std::string recording;
   std::string parameters;  // empty: the recording holds calibrated increments, as `turncal apply` writes them
   std::string against;     // empty: none
-  std::string reference;   // where it truly was; empty: where it stands
+  std::string reference;   // true track; empty: it does not move
   double align_s = 300.0;
-  double from_s = 0.0;              // of the recording, from its first sample
+  double from_s = 0.0;              // from the first sample of the recording
   std::optional<double> to_s;       // default: its end
-  std::optional<double> free_s;     // of each branch; default: an hour, or what the recording holds
-  int branches = default_branches;  // at most; as many as have different starts
+  std::optional<double> free_s;     // of each branch; default: an hour, or less if the recording is shorter
+  int branches = default_branches;  // at most; only branches with different starts
 };
 
 struct NavigatedBranch {
-  double start_s = 0.0;  // where its alignment begins, from the first sample of the recording
+  double start_s = 0.0;  // begin of its alignment, from the first sample of the recording
   FreeNavigation navigation;
 };
 
 struct NavigatedFile {  // one parameter file
-  std::string prefix;   // of its keys: "" or "against."
+  std::string prefix;   // prefix of its keys: "" or "against."
   std::string path;
   std::string model;
   std::string covariance_source;
-  std::string why_not_trusted;  // as the file says of itself; empty: it is trusted
-  bool noise_assumed = false;   // the file has none
+  std::string why_not_trusted;  // from the file; empty: it is trusted
+  bool noise_assumed = false;   // the file has no noise keys
   FeltSite felt;
   std::vector<NavigatedBranch> branches;
   DriftOverRuns drift;
-  std::optional<DriftOverRuns> expected;  // at the end of the first branch; not of a unit that moves
+  std::optional<DriftOverRuns> expected;  // at the end of the first branch; empty for a unit that moves
   double velocity_rms_mps = 0.0;
 };
 
 struct NavigationReport {
   NavigationRequest request;
   std::string recording_hash;
-  double reference_gap_s = 0.0;  // the longest time between two of its rows over which it moves
+  double reference_gap_s = 0.0;  // longest time between two rows of the reference over which it moves
   RecordingInfo info;
-  std::int64_t filled_samples = 0;    // lost or bad, as their neighbours
-  std::int64_t filled_in_motion = 0;  // of them while the unit turned
+  std::int64_t filled_samples = 0;    // lost or bad, filled from their neighbours
+  std::int64_t filled_in_motion = 0;  // those in which the unit turned
   std::vector<std::string> faults;    // impossible samples, left out
-  std::vector<std::string> lost;      // branches that lost samples ended or left out
+  std::vector<std::string> lost;      // branches that lost samples ended or excluded
   std::string damage;                 // of the recording; empty: none
-  bool without_segments = false;      // everything counted as rest
-  std::vector<NavigatedFile> files;   // the one asked for, then that of --against
+  bool without_segments = false;      // everything counts as rest
+  std::vector<NavigatedFile> files;   // the requested one, then that of --against
 };
 
 std::string format_navigation(const NavigationReport& report);
-// branch,time_s,latitude_deg,...: a row a second of every branch.
+// Returns branch,time_s,latitude_deg,...: one row for each second of every branch.
 std::string format_track(const NavigationReport& report, const NavigatedFile& file);
 Figure navigation_figure(const NavigationReport& report);  // velocity and position errors against time
 Document navigation_document(const NavigationReport& report);

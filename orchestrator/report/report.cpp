@@ -32,7 +32,7 @@ std::string key_text(const EffectColumn& column) {
 }
 Cell unit_of(const EffectColumn& column) { return text(unit_text(column.entry->unit)); }
 
-// Of scale factors and misalignments.
+// Returns the sigma in ppm or µrad, for scale factors and misalignments.
 std::string handy_sigma(std::size_t k, double sigma, const ParameterVector& values) {
   if (k < 6) return "";
   const std::string_view key = parameter_keys[k];
@@ -101,7 +101,7 @@ void add_effects(const Diagnosis& diagnosis, const DiagnosisContext& context, Do
   table.most = 6;
   Table terms{{name("effect"), text("added to the reading"), wide("term")}};
   for (const std::string& wanted : diagnosis.effect_names) {
-    Cell worth = number("");  // of the whole effect, in its first row
+    Cell worth = number("");  // worth of the whole effect, in its first row
     if (context.worth)
       for (const auto& [effect, rate] : context.worth->effects)
         if (effect == wanted) worth = number(rate, 2);
@@ -248,10 +248,10 @@ void add_faults(const Diagnosis& diagnosis, const DiagnosisContext& context, Doc
   if (faults.size() > most) document.text(fmt::format("And {} more.", faults.size() - most));
 }
 
-// Figures of the residual against what an effect depends on; unexplained: against everything.
+// Most figures of the residual against what an effect depends on; unexplained: against everything.
 constexpr std::size_t most_effect_figures = 4;
 
-// Each line is a label, up to its full stop, and words.
+// Returns a list; each line is a label, up to its full stop, and words.
 Facts list_of(std::string_view lines) {
   Facts facts{.list = true};
   while (!lines.empty()) {

@@ -16,7 +16,7 @@ namespace {
 
 using Eigen::Vector3d;
 constexpr double loaded_share = 0.5;  // of gravity that an axis must carry to be charged with an error of the norm
-constexpr double level_share = 0.5;   // what must be left of an axis across gravity to show a tilt about it
+constexpr double level_share = 0.5;   // horizontal share that an axis must have to show a tilt about it
 
 std::string change_text(const RestDiagnosis& r) {
   const RestErrors &was = r.held_out_before, &is = r.held_out_after;
@@ -56,10 +56,10 @@ std::string sentence_of(const RestDiagnosis& r, const RestData& data) {
          std::to_string(data.rests.size()) + " rests).";
 }
 
-struct Rows {  // residuals of one system by rest
+struct Rows {  // residuals of one system, by rest
   std::vector<double> norm;
   std::vector<Vector3d> gyro;
-  std::vector<Eigen::Vector2d> direction;  // of the leg before the rest; NaN: none
+  std::vector<Eigen::Vector2d> direction;  // from the leg before the rest; NaN: none
 };
 Rows rows_of(const RestSystem& system, std::size_t rests) {
   Rows rows;
@@ -89,7 +89,7 @@ BothRows both_rows(const RestDiagnosis& r, const RestData& data) {
 
 double middle_s(const Rest& rest) { return rest.start_s + 0.5 * rest.whole.duration_s; }
 
-// The left-out ones are those of the second recording where there is one.
+// Returns the error rows; the left-out errors are those of the second recording if there is one.
 std::vector<ErrorRow> error_rows(const RestDiagnosis& r) {
   const Diagnosis& d = r.diagnosis;
   std::vector<ErrorRow> rows;
@@ -120,8 +120,8 @@ std::string noise_line(const RestDiagnosis& r) {
       times(RestKind::gyro), times(RestKind::norm));
 }
 
-// One a rest: its residuals before and after as errors of the sensors, and what they may depend on. accel: the error of the
-// norm laid on each axis that carries more than half of gravity; tilt: of the direction after the rotation before; NaN: none.
+// Returns for each rest its residuals before and after, as errors of the sensors, and their possible causes. accel: the error of the
+// norm, assigned to each axis that carries more than half of gravity; tilt: of the direction after the last rotation; NaN: none.
 std::vector<DwellResidual> rest_residuals(const RestDiagnosis& r, const RestData& data) {
   const CompressedRecording& recording = *data.recording;
   const SensorModel model = sensor_model(r.diagnosis.extended.parameters, recording.info);
@@ -245,7 +245,7 @@ void describe_rest_fit(const RestFit& fit, const JointResult& joint, const RestD
 DiagnosisFiles rest_diagnosis_files(const RestDiagnosis& r, const RestData& data, const DiagnosisContext& context) {
   const Diagnosis& d = r.diagnosis;
   DiagnosisFiles files{begin_document(d, context, verdict_sentence(d)), format_diagnosis(d), std::nullopt};
-  if (!r.base.converged) return files;  // not fitted: nothing to report but why
+  if (!r.base.converged) return files;  // no fit: only the reason is reported
   const std::vector<ErrorRow> errors = error_rows(r);
   for (const ErrorRow& row : errors)
     if (!row.normalised)

@@ -47,7 +47,7 @@ constexpr DriftRow drift_rows[] = {
 
 constexpr double clearly = 4.0;  // sigmas from which a coefficient is shown on the terminal
 
-// Key and value; what is not seen as a limit, which holds with 95 %.
+// Returns keys and values; a coefficient that is not seen has its 95 % limit.
 std::vector<std::pair<std::string, double>> noise_values(const SinglePose& pose) {
   std::vector<std::pair<std::string, double>> values;
   for (std::size_t channel = 0; channel < 6; ++channel)

@@ -1,4 +1,4 @@
-// The result of a calibration as a table for people: the 24 parameters with unit and, where they are known, standard deviation,
+// The result of a calibration as a table for people: the 24 parameters with unit and, if known, standard deviation,
 // truth, error and error in standard deviations.
 #pragma once
 
@@ -17,29 +17,29 @@
 
 namespace turncal {
 
-// Digits follow the sigma.
+// Returns the table; its digits follow the sigma.
 Table result_table(const ParameterFile& file, const std::optional<ParameterVector>& truth);
-// Of a calibration without a diagnosis: its verdict, what the data lacked, the table above.
+// Returns the document of a calibration without a diagnosis: verdict, defects of the data, the table above.
 Document calibration_document(const ParameterFile& file, const std::vector<std::string>& notes,
                               const std::optional<ParameterVector>& truth);
 
-// What `turncal predict --navigate` prints: the free navigation that each sequence would allow, side by side.
+// Adds what `turncal predict --navigate` prints: the expected free navigation after each sequence, side by side.
 // REQUIRES at least one column; each has at least one point.
 void add_predicted_drift(const std::vector<std::pair<std::string, ExpectedDrift>>& columns, const DriftPlan& plan,
                          Document& document);
 
-// What a recording of one pose tells (calib/rests/single_pose.h), for the terminal and for diagnosis.conf.
+// Returns what a recording of one pose tells (calib/rests/single_pose.h), for the terminal and for diagnosis.conf.
 Facts pose_facts(const SinglePose& pose);
-// diagnosis.conf: verdict = not_tested, `noise.*` and `coefficient.<effect>.<axis>` with their sigmas.
+// Returns diagnosis.conf: verdict = not_tested, `noise.*` and `coefficient.<effect>.<axis>` with their sigmas.
 std::string format_pose(const SinglePose& pose, const std::string& why_not_trusted);
 
-// The residuals of a diagnosis as columns of numbers, a row a second at rest (docs/report.md).
+// Returns the residuals of a diagnosis as columns of numbers, one row for each second at rest (docs/report.md).
 std::vector<NumberColumn> residual_columns(const Diagnosis& diagnosis);
 
-// What `turncal predict` prints: sigmas side by side, what is not determined, and the smallest effects that would be caught.
+// The tables of `turncal predict`: sigmas side by side, undetermined directions, and the smallest detectable effects.
 
 struct NamedPrediction {
-  std::string name;  // of the sequence
+  std::string name;  // name of the sequence
   Prediction prediction;
   double station_s = 0.0;
 };
@@ -50,7 +50,7 @@ void add_undetermined(const std::vector<NamedPrediction>& columns, Document& doc
 // REQUIRES predictions with the same effects.
 void add_detectable(const std::vector<NamedPrediction>& columns, Document& document);
 
-// "+0.82 n12 -0.41 a12"
+// Returns "+0.82 n12 -0.41 a12".
 std::string describe(const Undetermined& direction);
 
 }  // namespace turncal

@@ -35,7 +35,7 @@ double temperature_at(const ThermalModel& model, int k) {
   return model.low_c + (model.high_c - model.low_c) * k / (curve_points - 1);
 }
 
-// "order 2 (more than 0.99), rate (0.97)"; what is not certain says how probable it is.
+// Returns "order 2 (more than 0.99), rate (0.97)"; an uncertain statement has its probability.
 std::string what_is_said(const ThermalParameter& p) {
   const int order = p.said_order();
   std::string text =
@@ -61,7 +61,7 @@ Table error_table(const ThermalReport& report) {
                                                 "gyro scale factor", "accelerometer scale factor",
                                                 "gyro misalignment", "accelerometer misalignment"};
   for (int kind = 0; kind < 6; ++kind) {
-    std::array<double, 4> sum{};  // in quadrature over its parameters
+    std::array<double, 4> sum{};  // sum of squares over the kind's parameters
     double count = 0.0;
     std::string unit;
     for (const ThermalParameter& p : report.model.parameters) {
@@ -244,7 +244,7 @@ void describe_thermal(const ThermalModel& model, ParameterFile& file) {
       if (model.coefficient(j, order) != 0.0)
         t.coefficient(p.key, order - 1) = model.coefficient(j, order),
                                      t.sigma(p.key, order - 1) = model.sigma(j, order);
-    std::vector<double> row;  // parameters are in the order of their keys
+    std::vector<double> row;  // parameters in the order of their keys
     for (std::size_t k = 0; k <= j; ++k)
       row.push_back(model.covariance(Eigen::Index(j) * thermal_columns, Eigen::Index(k) * thermal_columns));
     file.add_further("quality.covariance." + parameter_key(p.key), fmt::format("{:.9e}", fmt::join(row, " ")));

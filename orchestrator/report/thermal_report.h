@@ -1,5 +1,5 @@
-// Parameters as functions of temperature (calib/thermal/thermal_model.h) as files and for people (docs/thermal.md): thermal.conf, the
-// polynomials of a parameter file, and the document that terminal and page are made of.
+// Parameters as functions of temperature (calib/thermal/thermal_model.h), as files and for people (docs/thermal.md): thermal.conf, the
+// polynomials of a parameter file, and the document for terminal and page.
 #pragma once
 
 #include <string>
@@ -21,15 +21,15 @@ struct ThermalReport {
   std::vector<ThermalLeg> legs;
   ThermalModel model;
   std::vector<std::string> notes;
-  // Of a unit at rest for an hour, by what the parameters are off at the temperatures left out (rms): the mean of the others, the model,
-  // and a leg by itself.
+  // Drift of a unit at rest for an hour due to the parameter errors at left-out temperatures (rms): with the mean of the others, with the
+  // model, and with a leg by itself.
   double before_nm_per_h = 0.0, after_nm_per_h = 0.0, noise_nm_per_h = 0.0;
 };
 
 std::string format_thermal(const ThermalReport& report);
 Document thermal_document(const ThermalReport& report);
 
-// Parameters at the reference, their sigmas and covariance, polynomials and switch-on scatter into a file.
+// Adds parameters at the reference temperature, their sigmas and covariance, polynomials and turn-on scatter to a file.
 void describe_thermal(const ThermalModel& model, ParameterFile& file);
 
 }  // namespace turncal

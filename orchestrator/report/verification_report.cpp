@@ -25,7 +25,7 @@ void add_figure(const std::string& key, NorthFigure& figure, Fields& fields) {
 
 std::string angle_name(std::size_t a) { return std::string(north_angle_names[a]) + "_deg"; }
 
-// Of verification.conf, in its order; lists, positions and readings: as many as there is room for.
+// Returns the fields of verification.conf, in order; for lists, positions and readings as many as there is room for.
 Fields fields_of(VerificationReport& report) {
   Fields fields = {{"unit_serial", &report.info.unit_serial},
                    {"simulated", &report.info.simulated},
@@ -79,7 +79,7 @@ Fields fields_of(VerificationReport& report) {
   return fields;
 }
 
-// Why heading or level is undecided; empty where it is not.
+// Returns why heading or level is undecided; empty when both are decided.
 std::string undecided_words(const VerificationReport& report) {
   const std::string level =
       report.level_undecided ? "level undecided: the noise of this unit is as large as the limit" : "";
@@ -91,7 +91,7 @@ std::string undecided_words(const VerificationReport& report) {
   return level.empty() ? heading : heading + "; " + level;
 }
 
-// How near the worst figure comes to a limit, with its guard band: "heading 33 % of its limit (91 % with the guard band)".
+// Returns how near the worst figure is to a limit, with its guard band: "heading 33 % of its limit (91 % with the guard band)".
 std::string nearness_words(const VerificationReport& report) {
   const auto words = [&](const char* name, double limit_deg, const NorthFigure& a, const NorthFigure& b) {
     const auto guarded = [&](const NorthFigure& f) { return f.value_deg + 2.0 * report.guard_factor * f.sigma_deg; };
@@ -109,7 +109,7 @@ std::string nearness_words(const VerificationReport& report) {
 
 std::string figure_words(const NorthFigure& figure) { return value_with_sigma(figure.value_deg, figure.sigma_deg); }
 
-// Heading, roll and pitch, degrees. Sigmas of 0: not known.
+// Adds heading, roll and pitch, degrees. Sigmas of 0 are unknown.
 void add_angles(const std::string& name, const std::array<double, 3>& angles_deg, Table& table,
                 const std::array<double, 3>& sigmas_deg = {}) {
   std::vector<Cell> row = {cell::text(name)};
@@ -118,8 +118,8 @@ void add_angles(const std::string& name, const std::array<double, 3>& angles_deg
   table.row(std::move(row));
 }
 
-// Readings in the order in which they were made, with their sigmas from noise: headings less the table's angle, roll and pitch less the mean
-// of their position, as they are judged.
+// Draws the readings in order, with their sigmas from noise, as they are judged: headings minus the table's angle, roll and pitch minus the
+// mean of their position.
 Figure angle_figure(const VerificationReport& report) {
   Figure figure =
       small_panels("angles", "Headings minus the angle of the table; roll and pitch minus the mean of their position");
