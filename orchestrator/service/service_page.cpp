@@ -37,7 +37,7 @@ constexpr double made_for_s = 10.0;
 PageAnswer said(int code, const std::string& text) { return {code, {"text/plain; charset=utf-8", text + "\n"}}; }
 
 struct OpenPage : ServicePage {
-  // Of a unit or a run; empty: there is none.
+  // The page of a unit or a run; empty: there is none.
   struct MadePage {
     std::optional<PageText> text;
     double at_s = 0.0;
@@ -45,19 +45,19 @@ struct OpenPage : ServicePage {
 
   ServiceConfig config;
   std::function<double()> now_utc_s;
-  std::mutex mutex;  // of what follows
+  std::mutex mutex;  // guards the following
   std::condition_variable wake;
   bool over = false;
   std::string json, metrics;
   std::optional<ResultsView> results;
   std::map<std::string, MadePage> made;  // by path
-  // The server's thread alone. Who was let in once does not wait for those who guess; the password is looked at each time.
+  // Used by the server's thread alone. A name that was once admitted does not wait for password guessers; its password is checked each time.
   double password_s = -1e9;
   std::set<std::size_t> welcome;
   std::unique_ptr<PageServer> server;
-  std::unique_ptr<Alerts> alerts;                      // nothing: none are wanted
-  BackgroundQueue maker{BackgroundQueue::By::thread};  // of pages that are asked for
-  std::jthread looker, reader;  // of the stations' files; of the database, which may keep its reader waiting
+  std::unique_ptr<Alerts> alerts;                      // null: none
+  BackgroundQueue maker{BackgroundQueue::By::thread};  // makes requested pages
+  std::jthread looker, reader;  // looker: the stations' files; reader: the database, which may be slow
 
   ~OpenPage() override {
     server.reset();
@@ -134,7 +134,7 @@ struct OpenPage : ServicePage {
     const StationAction action{wanted->text("action"), unescaped_value(wanted->text_or("unit", ""))};
     const double now_s = monotonic_s();
     const std::size_t who = std::hash<std::string>{}(request.authorization);
-    // Whoever guesses passwords must not keep an operator from stopping a table.
+    // Password guessing must not keep an operator from stopping a table.
     const bool waits = !welcome.contains(who) && action.action != "stop";
     if (waits && now_s - password_s < between_passwords_s) return said(429, "too soon: try again in a second");
     if (waits) password_s = now_s;
@@ -160,7 +160,7 @@ struct OpenPage : ServicePage {
     if (path == "/metrics") return PageText{"text/plain; version=0.0.4; charset=utf-8", metrics};
     if (path == "/") return page_with(service_page_html, json);
     if (!path.starts_with(unit_path) && !path.starts_with("/report/")) return {};
-    // Made by another thread: no drawing keeps a stop waiting.
+    // Made by another thread, so that no drawing delays a stop.
     const auto there = made.find(std::string(path));
     const bool old = there == made.end() || monotonic_s() - there->second.at_s > made_for_s;
     if (old && maker.pending() == 0) maker.post([this, path = std::string(path)] { make_anew(path); });
@@ -248,7 +248,7 @@ std::vector<Event> events_in(const std::vector<StationView>& stations, const std
   return events;
 }
 
-// Keys of the events that a record knows.
+// Returns the keys of the events in a record.
 std::set<std::string> known_in(std::string_view record) {
   std::set<std::string> known;
   while (!record.empty()) {
@@ -265,7 +265,7 @@ std::string record_line(std::string_view what, std::string_view key) {
   return fmt::format("{} {} {}\n", format_utc(wall_utc_s()), what, key);
 }
 
-// A record that has become too long keeps its newer half, and of the older one what is still seen: `events`, and the conditions.
+// Shortens a record to its newer half and, of the older one, what still matters: current `events`, and conditions.
 void shorten(const std::string& path, const std::set<std::string>& events) {
   const Result<std::string> text = read_whole_file(path, std::string::npos);
   if (!text || text->size() <= largest_record) return;  // tried again at the next look
@@ -319,7 +319,7 @@ Status Alerts::write(const char* what, const std::string& key) const {
 }
 
 void Alerts::tell(const HookCall& call, const std::string& key) {
-  if (over_) return;  // not written, so an event when serve begins again
+  if (over_) return;  // not recorded, so it is an event when serve begins again
   Status told = write(call.input.empty() ? "known" : "told", key);
   if (told && !call.input.empty()) {
     told = run_command("alert.command", config_.command, call, config_.time_s, [this] { return over_.load(); });

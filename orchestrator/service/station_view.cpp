@@ -38,7 +38,7 @@ namespace {
 constexpr double looked_back_s = 86400.0;
 constexpr SqlPatience patience{.wait_s = 2.0, .all_s = 5.0};
 
-// By station, in the order of their names.
+// Returns results by station, in the order of names.
 std::vector<StationResults> results_by_station(const std::vector<AttemptRecord>& attempts) {
   std::map<std::pair<bool, std::string>, StationResults> found;
   for (const AttemptRecord& attempt : attempts) {
@@ -105,7 +105,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr std::size_t shown = 12;         // outcomes, and units that wait
+constexpr std::size_t shown = 12;         // outcomes, and waiting units
 constexpr std::size_t looked_at = 20;     // intervals between outcomes
 constexpr double longest_unit_s = 86400;  // a longer interval is a weekend
 constexpr double clock_off_s = 60.0;
@@ -116,7 +116,7 @@ struct Folder {
   std::optional<pid_t> process;
 };
 
-// The run that somebody works on, else the one of the newest journal.
+// Returns the run that a process works on, else the one with the newest journal.
 std::optional<Folder> newest_run(const std::string& runs) {
   std::optional<Folder> newest;
   fs::file_time_type newest_time;
@@ -135,7 +135,7 @@ std::optional<Folder> newest_run(const std::string& runs) {
   return newest;
 }
 
-// The median of the intervals between the last outcomes: what a unit takes, mounting and all.
+// Returns the median interval between the last outcomes: the time for a unit, mounting included.
 std::optional<double> interval_of(const std::vector<UnitOutcome>& outcomes) {
   std::vector<double> times, intervals;
   for (const UnitOutcome& outcome : outcomes)
@@ -148,7 +148,7 @@ std::optional<double> interval_of(const std::vector<UnitOutcome>& outcomes) {
   return median(intervals);
 }
 
-// As the batch says it; none: it waits for no mounting.
+// Returns the unit that the batch wants mounted; empty: it waits for none.
 std::vector<std::string> unit_to_mount(const std::string& queue) {
   const Result<std::string> text = read_whole_file(mounting_file(queue), 1024);
   std::string_view remaining = text ? std::string_view(*text) : "";
@@ -156,7 +156,7 @@ std::vector<std::string> unit_to_mount(const std::string& queue) {
   return unit.empty() ? std::vector<std::string>() : std::vector{std::string(unit)};
 }
 
-// By proc(5), as one that is hung by a debugger or SIGSTOP is.
+// Returns whether proc(5) shows the process as stopped, by a debugger or SIGSTOP.
 bool is_suspended(pid_t process) {
   std::ifstream file("/proc/" + std::to_string(process) + "/stat");
   std::string line;
@@ -185,7 +185,7 @@ void show_queue(const std::vector<std::string>& queue, const std::vector<UnitOut
   view.unit_s = interval_of(outcomes);
 }
 
-// Since anything of the run was written: journal, log, samples.
+// Returns the time since anything of the run was written: journal, log, samples.
 double silence_of(const std::string& folder, double now_utc_s) {
   double newest_s = 0.0;
   std::error_code error;
@@ -198,7 +198,7 @@ double silence_of(const std::string& folder, double now_utc_s) {
   return now_utc_s - newest_s;
 }
 
-// "dwelling" and its detail in words.
+// Returns "dwelling" and its detail in words.
 std::string words_of(const JournalFields& transition) {
   const std::string& state = value_of(transition, "to");
   const std::string& detail = value_of(transition, "detail");
@@ -230,7 +230,7 @@ void show_run(const JournalContents& journal, double now_utc_s, StationView& vie
     view.known =
         quantity_name(value_of(journal.estimate, "worst")) + ": sigma " + rounded("sigma") + " of " + rounded("needed");
   view.pausing = view.state == StationState::running && journal.pause_asked;
-  // While a chamber comes to its temperature nothing is recorded.
+  // Nothing is recorded while a chamber comes to its temperature.
   if (view.state == StationState::running && value_of(journal.transition, "to") != "resting")
     if (const double silence_s = silence_of(view.folder, now_utc_s); silence_s > silent_after_s) {
       view.silent_s = silence_s;
@@ -269,10 +269,10 @@ StationView look_at(const ServedStation& station, double now_utc_s) {
   std::optional<JournalContents> journal;
   if (run) {
     Result<JournalContents> read = read_journal(run->path + "/" + journal_name);
-    if (!read && !run->process) return unreadable(station, read.error());  // one that is being begun is read later
+    if (!read && !run->process) return unreadable(station, read.error());  // one that is being made is read later
     if (read) journal = std::move(*read);
   }
-  // A unit that was taken out of the queue is left for good.
+  // A unit removed from the queue is not resumed.
   const auto waits = [&view](const std::string& unit) { return holds(view.waiting, unit); };
   const std::vector<std::string> begun = journal ? journal->units() : std::vector<std::string>();
   const bool left = journal && !run->process && !is_over(*journal) && std::ranges::any_of(begun, waits);
@@ -322,7 +322,7 @@ StationView look_at(const ServedStation& station, double now_utc_s) {
       break;
     case StationState::unreadable: break;
   }
-  // What comes after the units on the table.
+  // Leaves the units after those on the table.
   std::erase_if(view.waiting, [&view](const std::string& unit) { return holds(view.units, unit); });
   if (view.process && is_suspended(*view.process))
     view.urgent("process " + std::to_string(*view.process) +
@@ -331,7 +331,7 @@ StationView look_at(const ServedStation& station, double now_utc_s) {
   view.tone = view.state == StationState::stopped && !paused ? Tone::bad
               : view.for_a_person.empty()                    ? Tone::good
                                                              : Tone::attention;
-  if (view.process && view.unit_s && !view.simulated) {  // a dry run has a clock of its own
+  if (view.process && view.unit_s && !view.simulated) {  // a dry run has its own clock
     const double this_end_s =
         view.run_end_utc_s.value_or(now_utc_s + (view.state == StationState::mounting ? *view.unit_s : 0.0));
     view.queue_end_utc_s = this_end_s + *view.unit_s * double(view.waiting.size());
@@ -377,7 +377,7 @@ std::string json_of(const StationView& view) {
 }
 
 std::string metrics_of(const std::vector<StationView>& stations, const ResultsView& results, double now_utc_s) {
-  std::map<std::string, std::string> lines;  // by the name of the gauge
+  std::map<std::string, std::string> lines;  // by gauge
   const auto add = [&lines](const std::string& name, std::string station, const char* more,
                             std::optional<double> value) {
     for (std::size_t at = 0; (at = station.find_first_of("\\\"", at)) != std::string::npos; at += 2)
@@ -411,7 +411,7 @@ std::string metrics_of(const std::vector<StationView>& stations, const ResultsVi
 
 namespace {
 
-// "/report/1/SN3.2/report.html" of a folder of one of the stations; empty: of no station here, or there is no report.
+// Returns "/report/1/SN3.2/report.html" for a folder of one of the stations; empty: not a station's, or no report.
 std::string link_to(const ServiceConfig& config, const std::string& folder, const std::string& file) {
   const fs::path at = fs::absolute(folder).lexically_normal();
   for (std::size_t k = 0; k < config.stations.size(); ++k) {
@@ -482,7 +482,7 @@ Status write_down(const ServedStation& station, const StationAction& wanted, con
                                                         (wanted.unit.empty() ? "" : " " + wanted.unit) + "\n");
 }
 
-// The process is named by a descriptor before its lock is looked at again, so that its number cannot be another's by then.
+// A descriptor is opened before the lock is looked at again, so that the process number cannot be another's by then.
 Status send_signal(const std::string& lock, pid_t process, int signal) {
   const Descriptor fd(int(::syscall(SYS_pidfd_open, process, 0)));
   if (fd < 0 || lock_holder(lock) != process) return device_error("the run has just ended");
@@ -494,10 +494,10 @@ bool running(const StationView& view) {
   return view.process && (view.state == StationState::running || view.state == StationState::results);
 }
 
-// Whether it can be done; nothing is changed.
+// Checks that an action is possible; changes nothing.
 Status check(const ServedStation& station, const StationAction& wanted, const StationView& view) {
   const auto is = [&wanted](const char* word) { return wanted.action == word; };
-  if (is("pause") && running(view) && view.pausing)  // a second Ctrl-C would stop it now
+  if (is("pause") && running(view) && view.pausing)  // a second SIGINT would stop it now
     return input_error("station '" + station.name + "': a pause was requested already");
   if (is("pause") || is("stop"))
     return running(view) ? Status() : Status(input_error("station '" + station.name + "': no run is in progress"));
@@ -536,7 +536,7 @@ Result<std::string> act(const ServedStation& station, const StationAction& wante
     said = "unit " + wanted.unit + ": " + wanted.action;
   }
   if (done) return said;
-  // What was written down was not done.
+  // The recorded action was not done.
   StationAction failed = wanted;
   failed.action = "not done: " + wanted.action;
   TRY(write_down(station, failed, operator_name, now_utc_s));
@@ -548,7 +548,7 @@ Result<std::string> act(const ServedStation& station, const StationAction& wante
 namespace {
 
 constexpr std::size_t most_bytes = 1 << 16, longest_name = 64;
-// Nobody's: a name that is not in the file costs the same time as one that is.
+// Hash for unknown names, which then take the same time as known ones.
 constexpr const char* nobody = "$6$turncalturncal00$";
 
 Result<std::map<std::string, std::string>> read_operators(const std::string& path) {

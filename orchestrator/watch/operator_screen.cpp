@@ -18,7 +18,7 @@ namespace turncal {
 
 namespace {
 
-// "1:40"
+// Returns "1:40".
 std::string minutes_left(double seconds) {
   const long long whole = std::llround(std::ceil(std::max(0.0, seconds)));
   return fmt::format("{}:{:02}", whole / 60, whole % 60);
@@ -39,7 +39,7 @@ std::string hands_off_words(RunState state) {
 constexpr int input_row = 22;
 constexpr std::string_view bold = "\x1b[1m", reverse = "\x1b[7m", amber = "\x1b[1;33m", plain = "\x1b[0m";
 
-// Three dots by five, row by row.
+// Glyphs of three by five dots, row by row.
 constexpr std::string_view glyphs = "0123456789-.,:";
 constexpr std::array<std::string_view, 14> dots = {
     "####.##.##.####", ".#.##..#..#.###", "###..#####..###", "###..####..####", "#.##.####..#..#",
@@ -67,7 +67,7 @@ void draw_big(std::vector<std::string>& lines, const std::string& text) {
   }
 }
 
-// The axes from the outer to the inner, and the way along the numbers of the dial: larger ones stand to the right.
+// Draws the axes from outer to inner, and the way along the numbers of the dial, which grow to the right.
 void draw_table(std::vector<std::string>& lines, const OperatorScreen& screen) {
   const OperatorTask& task = screen.task;
   std::string axes = "  ";
@@ -142,7 +142,7 @@ OperatorScreen operator_screen(const OperatorTask& task, const RunSnapshot& at, 
       screen.from = texts.exact(hundredths(*task.from_deg));
       const double way_deg = task.target_deg - *task.from_deg;
       const std::string sense = texts.say(way_deg < 0.0 ? "sense.backward" : "sense.forward");
-      // What a dial cannot show: that it is a whole turn, or more.
+      // A dial cannot show whole turns.
       const auto turns = int((std::abs(way_deg) + 1.0) / 360.0);
       const std::string way = texts.exact(hundredths(std::abs(way_deg)));
       screen.way = turns > 0 ? texts.say("screen.whole_turns",
@@ -154,7 +154,7 @@ OperatorScreen operator_screen(const OperatorTask& task, const RunSnapshot& at, 
     case paused:
       screen.instruction = texts.say("screen.paused");
       screen.how = texts.say("screen.paused_how");
-      if (!task.wrong) screen.note.clear();  // it says the same
+      if (!task.wrong) screen.note.clear();  // the note says the same
       break;
   }
   if (task.kind == where || task.kind == turn) {

@@ -28,9 +28,9 @@ namespace {
 
 constexpr int backlog = 64;
 constexpr int accepted_a_turn =
-    8;  // fewer than connections: whoever asks at once is heard before others take its place
+    8;  // fewer than connections, so that a client that sends its request at once is served before others replace it
 constexpr int low_priority = 5;
-constexpr int look_ms = 250;  // at connections that are out of time
+constexpr int look_ms = 250;  // for connections out of time
 constexpr std::size_t drained_bytes = std::size_t{1} << 20;
 
 std::string lower(std::string_view text) {
@@ -44,7 +44,7 @@ bool is_bare_address(const std::string& host) {
   return ::inet_pton(AF_INET, host.c_str(), &any) == 1 || ::inet_pton(AF_INET6, host.c_str(), &any) == 1;
 }
 
-// "host:80", "[::1]:80" or "host" without its port.
+// Returns "host:80", "[::1]:80" or "host" without the port.
 std::string host_without_port(std::string_view text) {
   if (text.starts_with("[")) return std::string(text.substr(1, text.find(']') - 1));
   return std::string(text.substr(0, text.rfind(':')));
@@ -65,7 +65,7 @@ std::string refusal(int code, const char* reason) {
 }
 
 struct OpenServer : PageServer {
-  // A socket and how far its one request is.
+  // A socket and the progress of its one request.
   struct Connection {
     Descriptor fd;
     Deadline deadline;
@@ -87,7 +87,7 @@ struct OpenServer : PageServer {
   std::list<Connection> connections;  // the oldest first
   std::jthread thread;
 
-  ~OpenServer() override { wake = Descriptor(); }  // the other end sees it
+  ~OpenServer() override { wake = Descriptor(); }  // wakes the thread
 
   std::string url() const override {
     const bool v6 = host.find(':') != std::string::npos;
@@ -105,7 +105,7 @@ struct OpenServer : PageServer {
 
   struct Head {
     std::string_view method, path;
-    std::map<std::string, std::string> fields;  // by their names in small letters
+    std::map<std::string, std::string> fields;  // keys in lower case
     std::size_t body_bytes = 0;
     bool has(const char* name) const { return fields.contains(name); }
   };
@@ -126,7 +126,7 @@ struct OpenServer : PageServer {
         return {};  // a folded line, or a name that ends with a blank
       const std::string name = lower(header.substr(0, colon));
       const bool is_new = head.fields.emplace(name, trimmed(header.substr(colon + 1))).second;
-      // RFC 9112, 3.2 and 6.3: what stands there twice could be read in two ways.
+      // RFC 9112, 3.2 and 6.3: duplicates of these would be ambiguous.
       if (!is_new && (name == "host" || name == "content-length" || name == "authorization")) return {};
     }
     if (!head.has("content-length")) return head;
@@ -136,7 +136,7 @@ struct OpenServer : PageServer {
     return head;
   }
 
-  // `request`: what came. Empty: the rest of the body is yet to come.
+  // Answers what was received so far. Empty: the rest of the body is still missing.
   std::string answer_to(std::string_view request, std::size_t head_bytes) const {
     std::optional<Head> head = head_of(request.substr(0, head_bytes));
     if (!head || !head->has("host")) return refusal(400, "Bad Request");  // RFC 9112, 3.2
@@ -160,13 +160,13 @@ struct OpenServer : PageServer {
     return answer;
   }
 
-  // False: nothing more is to come of it.
+  // Returns false when the connection is over.
   bool receive(Connection& c) const {
     char buffer[4096];
     const ssize_t got = ::recv(c.fd, buffer, sizeof buffer, MSG_DONTWAIT);
     if (got < 0) return errno == EAGAIN || errno == EINTR;
     if (got == 0) return false;
-    if (c.answered()) {  // what still comes is thrown away, so that the answer is not lost to a reset
+    if (c.answered()) {  // further bytes are discarded, so that a reset does not lose the answer
       c.drained += std::size_t(got);
       return c.drained < drained_bytes;
     }
@@ -187,14 +187,14 @@ struct OpenServer : PageServer {
       c.sent += std::size_t(put);
     }
     ::shutdown(c.fd, SHUT_WR);
-    return true;  // until the other end has closed, or its time is over
+    return true;  // until the other end closes, or its time is over
   }
 
   void accept_some() {
     for (int i = 0; i < accepted_a_turn; ++i) {
       const int fd = ::accept4(listener, nullptr, nullptr, SOCK_NONBLOCK | SOCK_CLOEXEC);
       if (fd < 0) {
-        // No descriptor is left: whoever waits there would keep this thread busy.
+        // Without a free descriptor, waiting clients would keep this thread busy.
         if (errno == EMFILE || errno == ENFILE) std::this_thread::sleep_for(std::chrono::milliseconds(look_ms));
         return;
       }
@@ -207,7 +207,7 @@ struct OpenServer : PageServer {
     }
   }
 
-  // False: the end.
+  // Returns false at the end.
   bool turn() {
     std::vector<pollfd> watched = {{woken, POLLIN, 0}, {listener, POLLIN, 0}};
     for (const Connection& c : connections)

@@ -96,7 +96,7 @@ std::string format_progress(const RunSnapshot& s) {
   const std::string angles =
       s.axis ? fmt::format("{} {:.2f} -> {:.2f} deg", to_string(*s.axis), at[*s.axis], s.target_deg)
              : fmt::format("H {:.2f} P {:.2f} R {:.2f} deg", at[Axis::heading], at[Axis::pitch], at[Axis::roll]);
-  // A narrow terminal cuts the end.
+  // The end may be cut on a narrow terminal.
   return fmt::format("{:3.0f}%, {} left  step {}/{}  {} {:3.0f}%  {}", 100.0 * s.run_fraction, format_duration(s.eta_s),
                      s.step_place, s.step_count, phase_words(s, false), 100.0 * s.phase_fraction, angles) +
          (s.chamber.empty() || s.state == RunState::resting ? "" : "  " + s.chamber);
@@ -107,7 +107,7 @@ double wall_utc_s() {
 }
 
 bool stdout_takes_more() {
-  return wait_ready(STDOUT_FILENO, POLLOUT, 0) != 0;  // a reader that is gone is an error at once, and no wait
+  return wait_ready(STDOUT_FILENO, POLLOUT, 0) != 0;  // with the reader gone, writing fails at once and does not wait
 }
 
 void ProgressPrinter::on_transition(const TransitionRecord& record) {
@@ -129,7 +129,7 @@ void ProgressPrinter::on_progress(const RunSnapshot& snapshot) {
   if (now_s - drawn_s_ < redraw_interval_s || !takes_more_()) return;
   drawn_s_ = now_s;
   line_shown_ = true;
-  // A line that wraps could not be redrawn in place.
+  // A wrapped line could not be redrawn in place.
   std::string line = format_progress(snapshot);
   line.resize(std::min(line.size(), std::size_t(columns_ - 1)));
   out_ << '\r' << line << "\x1b[K" << std::flush;
@@ -163,7 +163,7 @@ ServiceWatch::ServiceWatch() {
   const std::size_t length = name == nullptr ? 0 : std::strlen(name);
   if (length < 2 || length >= sizeof address.sun_path) return;
   std::memcpy(address.sun_path, name, length);
-  if (name[0] == '@') address.sun_path[0] = '\0';  // an abstract one
+  if (name[0] == '@') address.sun_path[0] = '\0';  // abstract socket
   socket_ = ::socket(AF_UNIX, SOCK_DGRAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0);
   const auto size = static_cast<socklen_t>(offsetof(sockaddr_un, sun_path) + length);
   if (socket_ >= 0 && ::connect(socket_, reinterpret_cast<const sockaddr*>(&address), size) != 0)

@@ -1,12 +1,12 @@
-// A run in words: a line for each transition, with station time, on the terminal and in the file run.log.
+// Describes a run in words: a line for each transition, with station time, on the terminal and in the file run.log.
 //
 //   2026-01-01T00:12:34Z     754.500 s  step 2/14  moving -> settling  arrived: roll at 360.0000 deg
 //
-// The log of a dry run is the same bytes every time, since times are the station's. A terminal shows one line, redrawn in place at most ten
-// times a second of wall time; ETA is the station time that the plan says is left:
+// The log of a dry run has the same bytes every time, since its times are the station's. A terminal shows one line, redrawn at most ten
+// times a second of wall time; ETA is the station time left in the plan:
 //   step 3/14  moving  pitch 123.45 -> 360.00 deg  34%  run  11%  ETA 1:23:45
-// Transitions are printed where the output is no terminal, or where they are asked for. Colours are shown after allow_colour, on a terminal
-// of somebody who has not asked for none (https://no-color.org).
+// Transitions are printed when the output is not a terminal, or on request. Colours are shown after allow_colour, on a terminal whose user
+// has not disabled them (https://no-color.org).
 #pragma once
 
 #include <cmath>
@@ -24,21 +24,21 @@
 
 namespace turncal {
 
-// Without the line break.
+// The results have no line break.
 std::string format_transition(const TransitionRecord& record);
 std::string format_dropout(const Dropout& dropout);
 
 class RunLog : public RunObserver {
  public:
-  // The file must not exist. Every line is handed to the system at once. `tag` stands in front of each ("[dry run] "), so that none of a
-  // simulation passes for a real one.
+  // Creates the log; the file must not exist. Every line is handed to the system at once. `tag` begins each line ("[dry run] "), so that no
+  // line of a simulation passes for a real one.
   static Result<RunLog> create(const std::string& path, std::string tag);
-  static Result<RunLog> append(const std::string& path, std::string tag);  // to a log that is there, or a new one
+  static Result<RunLog> append(const std::string& path, std::string tag);  // appends to a log, or creates one
 
   void line(const std::string& text);
   void on_transition(const TransitionRecord& record) override { line(format_transition(record)); }
   void on_dropout(const Dropout& dropout) override { line(format_dropout(dropout)); }
-  // The first failure to write, which the run must not hide.
+  // Returns the first failure to write, which the run must not hide.
   const Status& status() const { return status_; }
   Status check_kept() const { return status_ ? file_.check_kept() : status_; }
 
@@ -54,7 +54,7 @@ class ProgressPrinter : public RunObserver {
   // columns: width of the terminal, 0 when it is none.
   // transitions: whether each is printed, too.
   // wall_s: seconds on any steady clock; only used to limit redrawing.
-  // takes_more: false while the stream would block; what is shown then is left out, since the run may not wait for it.
+  // takes_more: false while the stream would block; output is then skipped, since the run must not wait for it.
   ProgressPrinter(
       std::ostream& out, int columns, bool transitions, std::function<double()> wall_s,
       std::function<bool()> takes_more = [] { return true; })
@@ -67,7 +67,7 @@ class ProgressPrinter : public RunObserver {
   void on_transition(const TransitionRecord& record) override;
   void on_dropout(const Dropout& dropout) override;
   void on_progress(const RunSnapshot& snapshot) override;
-  void clear();  // takes the live line away before something else is printed
+  void clear();  // removes the live line before other output
 
  private:
   std::ostream& out_;
@@ -78,12 +78,12 @@ class ProgressPrinter : public RunObserver {
   double drawn_s_ = -1e9;
 };
 
-// The phase as it is for a person: "dwell (repeat 1)", "resting after the interruption", "turn pitch to 90.00 deg".
+// Returns the phase in words: "dwell (repeat 1)", "resting after the interruption", "turn pitch to 90.00 deg".
 std::string phase_words(const RunSnapshot& snapshot, bool by_hand);
 bool waits_for_operator(const RunSnapshot& snapshot, bool by_hand);
 std::string format_progress(const RunSnapshot& snapshot);
 std::string format_duration(double seconds);  // 1:23:45
-std::string clock_time(double seconds);       // the same; "-": not finite
+std::string clock_time(double seconds);       // likewise; "-" when not finite
 double wall_utc_s();                          // seconds since 1970-01-01 UTC
 bool stdout_takes_more();                     // false: a pipe nobody reads, a terminal that was stopped
 
@@ -93,11 +93,11 @@ inline constexpr auto enum_words<Tone> = std::to_array({"good", "attention", "ba
 Tone tone_of(UnitVerdict verdict);
 
 void allow_colour(std::ostream& out, int descriptor);
-std::string in_tone(std::ostream& out, Tone tone, std::string_view text);  // as `out` may show it
+std::string in_tone(std::ostream& out, Tone tone, std::string_view text);  // in colour if `out` shows it
 
-// For a run under systemd, or whoever set NOTIFY_SOCKET (sd_notify(3)); without that variable nothing is done. It says where the run is, and
-// while the table may move the run's loop says every second that it goes on: one that is stuck for watch_s is ended by systemd
-// (docs/getting-started.md). Nothing is watched while the table rests with its drives off: an estimate may take minutes.
+// Tells systemd, or whoever set NOTIFY_SOCKET (sd_notify(3)), about a run; without that variable it does nothing. It reports where the run is, and
+// every second, while the table may move, that the loop goes on: systemd ends a run that is stuck for watch_s
+// (docs/getting-started.md). Nothing is reported while the table rests with its drives off, because an estimate may take minutes.
 class ServiceWatch : public RunObserver {
  public:
   static constexpr int watch_s = 30;
@@ -117,13 +117,13 @@ class ServiceWatch : public RunObserver {
   double last_ping_s_ = -1e9;
 };
 
-// Notices that the civil clock was set while a run goes on: it should advance with the monotonic one, by which all deadlines are measured. A
-// slow correction (NTP slews by 0.05 % at most) is no step; a machine that was suspended is one, since its monotonic clock stood still.
+// Notices that the civil clock was set during a run: it should advance with the monotonic clock, which measures all deadlines. A
+// slow correction (NTP slews by 0.05 % at most) is not a step; a suspend is one, because the monotonic clock stood still.
 class ClockWatch : public RunObserver {
  public:
   static constexpr double step_s = 1.0;
 
-  // speed_up: station seconds a second of the civil clock. `on_step`: by how much it was set, + forward, and the snapshot after that.
+  // speed_up: station seconds per second of the civil clock. `on_step`: gets the step, + forward, and the next snapshot.
   ClockWatch(double speed_up, std::function<void(double by_s, const RunSnapshot& at)> on_step)
       : speed_up_(speed_up), on_step_(std::move(on_step)) {}
   void on_progress(const RunSnapshot& at) override {

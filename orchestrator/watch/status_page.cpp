@@ -16,7 +16,7 @@ namespace turncal {
 namespace {
 
 constexpr std::size_t transitions_kept = 12;
-constexpr std::size_t seconds_shown = 600;  // of a long dwell the newest
+constexpr std::size_t seconds_shown = 600;  // the newest of a long dwell
 
 std::string json_of(const AxisTriple& value) {
   return json_list(
@@ -153,7 +153,7 @@ std::string LiveStatus::json() const {
   o.raw("position_deg", json_of(s.position_deg));
   o.raw("rate_degps", json_of(s.rate_degps));
   o.number("eta_s", s.eta_s);
-  // What a person takes for a turn is in no plan.
+  // A plan does not contain the time that a person takes for a turn.
   o.text("eta_utc", s.end_utc_s > 0.0 && !run_.by_hand ? format_utc(s.end_utc_s) : "");
   o.number("moves_left", double(s.moves_left));
   o.text("time_utc", s.utc_s > 0.0 ? format_utc(s.utc_s) : "");
@@ -189,7 +189,7 @@ std::string LiveStatus::json() const {
   o.texts("transitions", transitions_);
   o.texts("results", run_.results);
   o.list("pulse", {json_number(pulse_[0]), json_number(pulse_[1])});
-  // Second by second, relative to the first; and the largest standard deviation of a triad, which is what stillness means here.
+  // The dwell second by second, relative to the first, and the largest standard deviation of a triad, which measures stillness.
   std::array<double, 2> stillness{};
   std::vector<std::string> series;
   for (std::size_t i = 0; i < 6; ++i) {
@@ -216,7 +216,7 @@ void StatusPage::say_goodbye() {
   fresh_s_ = began_s;
   const long polls = polls_;
   while (polls_ == polls && monotonic_s() - began_s < 3.0) std::this_thread::sleep_for(std::chrono::milliseconds(20));
-  std::this_thread::sleep_for(std::chrono::milliseconds(100));  // the answer is on its way
+  std::this_thread::sleep_for(std::chrono::milliseconds(100));  // lets the answer get out
 }
 
 std::optional<PageText> StatusPage::page(std::string_view path) {

@@ -1,9 +1,9 @@
-// A read-only page about a run, GET / and GET /status.json, and what it shows: the newest snapshot, every unit's state, the running dwell (of
-// the first unit) second by second, the last transitions and how it ended.
+// A read-only page about a run, GET / and GET /status.json, and its contents: the newest snapshot, every unit's state, the present dwell (of
+// the first unit) second by second, the last transitions and the outcome.
 //
-// Fed by the run's thread and read by the page's, which has limits (page_server.h): every member is behind one lock, held for microseconds.
-// The page polls once a second. When the program no longer answers it says so, with the time of its last answer: whether it has ended well
-// cannot be known then. When it answers but its loop stands still, the age of the heartbeat says so.
+// The run's thread fills it and the page's thread reads it, with limits (page_server.h): one lock, held for microseconds, guards every member.
+// The page polls once a second. When the program no longer answers, the page says so, with the time of the last answer, because it cannot
+// know whether the run ended well. When the program answers but its loop is stuck, the age of the heartbeat shows it.
 #pragma once
 
 #include <array>
@@ -25,12 +25,12 @@
 
 namespace turncal {
 
-// What does not change while it goes on.
+// The constant facts of a run.
 struct LiveRun {
   std::string unit, station, sequence, folder;
-  bool simulated = false;                 // a rig or twins, at one end at least
+  bool simulated = false;                 // table or unit is a rig or a twin
   bool by_hand = false;                   // a person turns the table
-  std::vector<std::string> results = {};  // of earlier runs, shown as they are
+  std::vector<std::string> results = {};  // of earlier runs, shown unchanged
 };
 
 class LiveStatus : public RunObserver, public RunSink {
@@ -44,22 +44,22 @@ class LiveStatus : public RunObserver, public RunSink {
   Status start(const RecordingInfo& info) override;
   Status begin_segment(const Segment& segment) override;
   Status add(std::span<const ImuSample> samples) override;
-  // How well the unit is known against how well it has to be; replaces what was shown.
+  // Shows the unit's sigmas against the needed ones; replaces the last ones.
   void show_known(const std::string& text, std::vector<NeededSigma> known);
-  void show_operator(const OperatorScreen& screen);  // of a table turned by hand
-  // After the run: "Done: pass", "Paused: ...", or the error. `verification`: of each unit that was verified, its outcome.
+  void show_operator(const OperatorScreen& screen);  // for a table turned by hand
+  // Shows the end of the run: "Done: pass", "Paused: ...", or the error. `verification`: outcome for each verified unit.
   void end(const std::string& how, Tone tone, const std::vector<std::string>& verification = {});
 
-  // The page polls this. Numbers in degrees, deg/s, m/s^2, seconds.
+  // Returns the status that the page polls. Degrees, deg/s, m/s^2, seconds.
   std::string json() const;
 
  private:
-  // Where the run is, in one line, and how that looks.
+  // The state of the run in one line, with its colour.
   struct Headline {
     std::string text;
     Tone tone = Tone::good;
   };
-  Headline headline() const;  // REQUIRES: the lock is held
+  Headline headline() const;  // REQUIRES the lock
 
   using Channels = std::array<double, 6>;  // gyro x y z, accelerometer x y z
   mutable std::mutex mutex_;
@@ -73,10 +73,10 @@ class LiveStatus : public RunObserver, public RunSink {
   Tone ended_as_ = Tone::bad;
   std::vector<std::string> verification_;
   std::vector<std::string> transitions_;  // the newest last
-  Channels per_count_{};                  // of a sum over one second
-  std::array<double, 2> pulse_{};         // of gyro [arcsec] and accelerometer [mm/s]; 0: the increments are no pulses
+  Channels per_count_{};                  // per count of a sum over one second
+  std::array<double, 2> pulse_{};         // of gyro [arcsec] and accelerometer [mm/s]; 0: increments are not pulses
   std::size_t second_samples_ = 200;
-  std::vector<Channels> dwell_;  // means of its seconds: deg/s, m/s^2
+  std::vector<Channels> dwell_;  // its one-second means: deg/s, m/s^2
   Channels sum_{};
   std::size_t in_sum_ = 0;
   bool dwelling_ = false;
@@ -90,19 +90,19 @@ class StatusPage {
   static Result<std::unique_ptr<StatusPage>> open(const std::string& address, const LiveStatus& run);
 
   const PageServer& server() const { return *server_; }
-  // After LiveStatus::end: lets whoever is looking hear of it, for 3 s at most; nobody looking: at once.
+  // Call it after LiveStatus::end: waits, for 3 s at most, until viewers have polled the end; without viewers it returns at once.
   void say_goodbye();
 
  private:
   explicit StatusPage(const LiveStatus& run) : run_(run) {}
-  std::optional<PageText> page(std::string_view path);  // called by the server's thread alone
+  std::optional<PageText> page(std::string_view path);  // only the server's thread calls it
 
   const LiveStatus& run_;
-  std::string json_;  // locked and written out a few times a second, however often it is asked for
+  std::string json_;  // rendered only a few times a second, however often it is polled
   double rendered_s_ = -1e9;
-  std::atomic<long> polls_{0};  // answered with what is newer than fresh_s_
+  std::atomic<long> polls_{0};  // answered with a status newer than fresh_s_
   std::atomic<double> polled_s_{-1e9}, fresh_s_{-1e9};
-  std::unique_ptr<PageServer> server_;  // goes first
+  std::unique_ptr<PageServer> server_;  // destroyed first
 };
 
 }  // namespace turncal
