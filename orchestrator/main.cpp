@@ -13,7 +13,7 @@
 
 namespace {
 
-// A descriptor of 0 to 2 that was closed would be given to the first file that is opened, and what is printed would go into it.
+// Opens closed descriptors 0 to 2 on /dev/null. Otherwise the next file opened would get one of them, and output would go into it.
 bool open_closed_descriptors() {
   for (const int fd : {STDIN_FILENO, STDOUT_FILENO, STDERR_FILENO}) {
     if (::fcntl(fd, F_GETFD) == -1 && ::open("/dev/null", O_RDWR) != fd) return false;
@@ -25,9 +25,9 @@ bool open_closed_descriptors() {
 
 int main(int argc, char** argv) {
   if (!open_closed_descriptors()) return turncal::exit_code(turncal::ErrorKind::internal);
-  std::signal(SIGPIPE, SIG_IGN);              // a reader that goes away ends the printing, not what is being made
-  std::signal(SIGXFSZ, SIG_IGN);              // a file above a limit is an error as on a full disk
-  ::umask(::umask(0) | (S_IWGRP | S_IWOTH));  // results are for all to read and for their owner to write
+  std::signal(SIGPIPE, SIG_IGN);              // a reader that goes away ends the printing, not the work
+  std::signal(SIGXFSZ, SIG_IGN);              // a file above its size limit is an error, as on a full disk
+  ::umask(::umask(0) | (S_IWGRP | S_IWOTH));  // everybody may read results, only their owner may write them
   const turncal::Console out(std::cout, STDOUT_FILENO), err(std::cerr, STDERR_FILENO);
   turncal::allow_colour(std::cout, STDOUT_FILENO);
   turncal::allow_colour(std::cerr, STDERR_FILENO);

@@ -1,4 +1,4 @@
-// `turncal predict` (calib/prediction/predict.h), also of a sequence that the station cannot run; `turncal design` (docs/sequences.md,
+// `turncal predict` (calib/prediction/predict.h), also for a sequence that the station cannot run; `turncal design` (docs/sequences.md,
 // orchestrator/jobs/design/sequence_design.h).
 #include <fmt/format.h>
 
@@ -27,7 +27,7 @@ namespace {
 
 struct PredictCommandOptions {
   PredictRequest request;
-  std::string format;  // json; empty: words
+  std::string format;  // json; empty: text
 };
 
 Status run_predict(const PredictCommandOptions& options, CommandContext& context) {
@@ -35,12 +35,12 @@ Status run_predict(const PredictCommandOptions& options, CommandContext& context
   return {};
 }
 
-constexpr double longest_design_s = 43200.0;  // that is looked for, with --sigma
+constexpr double longest_design_s = 43200.0;  // longest searched, with --sigma
 constexpr double longest_extra_legs_s = 600.0;
-constexpr double usual_acceleration_degps2 = 20.0;                     // where the table may
+constexpr double usual_acceleration_degps2 = 20.0;                     // where the table allows it
 constexpr std::string_view first_words = "# Found by turncal design";  // of the file
 
-// What units of a kind have beside the 24 parameters (docs/diagnosis.md names the sources), and the rise of temperature that shows it.
+// Effects beyond the 24 parameters of a kind of unit (docs/diagnosis.md names the sources), and the rise of temperature that excites them.
 struct Grade {
   std::string_view name, effects;
   double rise_c;
@@ -50,7 +50,7 @@ constexpr Grade grades[] = {{"fog", "gyro_bias_temperature_rate gyro_bias_temper
 
 struct DesignOptions {
   PlannedSite site;
-  DesignTask task;      // least_rest_s, effects and tries of it
+  DesignTask task;      // uses its least_rest_s, effects and tries
   double time_s = 0.0;  // 0: not given
   std::string sigma, separate, from, start, out, grade, criterion = "mean";
   std::vector<std::string> axes, rates;
@@ -63,7 +63,7 @@ Error too_much(const char* option, double value, double most, Axis axis) {
                      format_number(most), to_string(axis));
 }
 
-// Axes, rates and effects by their names; those that the table or the catalogue does not have are refused.
+// Takes axes, rates and effects by name; rejects those that the table or the catalogue does not have.
 Status choose(const DesignOptions& options, DesignTask& task) {
   if (!options.axes.empty()) task.turns = {};
   for (const std::string& name : options.axes) {
@@ -101,7 +101,7 @@ Status choose(const DesignOptions& options, DesignTask& task) {
   return {};
 }
 
-// The file's name without its ending, in the letters that a sequence may have.
+// Returns the file's name without extension, in characters that a sequence may have.
 std::string name_of(const std::string& file) {
   std::string name = std::filesystem::path(file).stem().string();
   for (char& c : name)
@@ -109,7 +109,7 @@ std::string name_of(const std::string& file) {
   return name.empty() ? "designed" : name;
 }
 
-// The sigmas that are wanted, `key = sigma` in units of the parameter file; what is not named does not count.
+// Reads the wanted sigmas, `key = sigma` in units of the parameter file; parameters that are not named do not count.
 Status read_aims(const std::string& path, DesignTask& task) {
   KeyValueFile file = TRY(KeyValueFile::read(path));
   task.aim.setZero();
@@ -120,7 +120,7 @@ Status read_aims(const std::string& path, DesignTask& task) {
   return {};
 }
 
-// White noise alone: a bias is known to no better than the random walk over the root of the time.
+// Returns the least time by white noise alone: a bias is known no better than the random walk over the root of the time.
 Result<double> least_time_s(const DesignTask& task) {
   const ParameterVector si = si_per_unit(task.info);
   double least_s = 600.0;
@@ -164,7 +164,7 @@ class Designer {
       return input_error("--separate, --from: expected both, an effect and the recording that it was found in");
     if (options_.separate.empty() && (options_.time_s > 0.0) == !options_.sigma.empty())
       return input_error("expected --time or --sigma, one of them");
-    // Before minutes of search, not after them.
+    // Checked before minutes of search, not after them.
     TRY(check_replaceable(options_.out, first_words));
     if (const Result<AtomicFile> writable = AtomicFile::create(options_.out); !writable) return writable.error();
     const PlannedUnit unit = TRY(planned_unit(options_.site));
@@ -210,7 +210,7 @@ class Designer {
     if (!context_.quiet) context_.err << progress << std::endl;
   }
 
-  // The shortest legs that tell the class of an effect apart, after the recording it was found in.
+  // Finds the shortest legs that separate the alias class of an effect, after the recording it was found in.
   Status separate() {
     const double time_s = options_.time_s > 0.0 ? options_.time_s : longest_extra_legs_s;
     const LoadedRecording loaded = TRY(load_recording(options_.from));
@@ -255,7 +255,7 @@ class Designer {
     return Error{ErrorKind::unit_failed, options_.out + ": may not be enough to tell apart: " + open};
   }
 
-  // How far from the best; empty where a parameter that counts is open, or the turns leave it open.
+  // Returns the distance to the lower bound; empty when a parameter that counts is undetermined, by the walk or by any turns.
   std::string bound_text(const Prediction& prediction) {
     if (!open_parameters(prediction, task_.aim).empty()) return {};
     says("computing the lower bound");
@@ -311,7 +311,7 @@ class Designer {
     return {sequence.name, predict(task_.info, planned_motion(sequence, plan), task_.predict), plan.station_s};
   }
 
-  // The best walk of task_.time_s: its text, and what it gives as the last column.
+  // Finds the best walk of task_.time_s: returns its text, and adds its prediction as the last column.
   Status search() {
     const double began_s = monotonic_s();
     double printed_s = began_s;
@@ -335,7 +335,7 @@ class Designer {
   const DesignOptions& options_;
   CommandContext& context_;
   DesignTask task_;
-  std::vector<NamedPrediction> columns_;  // the fourteen steps, then what was found
+  std::vector<NamedPrediction> columns_;  // the fourteen steps, then the walks found
   Walk walk_;
 };
 

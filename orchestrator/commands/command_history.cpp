@@ -1,8 +1,8 @@
-// `turncal history`, `shift`, `records`: what is in the results database, and what keeps it and the folders of runs in order.
+// `turncal history`, `shift`, `records`: the contents of the results database, and the upkeep of it and of the folders of runs.
 //
-// `records prune`: a recording goes when its run has given its unit a verdict, and not `hold`, it was sealed more than so many days ago, its
-// unit has a newer one of a finished run, and nobody works in the run's folder. What is made of it stays, and the log says what was removed.
-// What cannot be read is left as it is, and is an error at the end.
+// `records prune`: removes a recording when its run has given its unit a verdict other than `hold`, it was sealed more than so many days ago, its
+// unit has a newer one of a finished run, and no process works in the run's folder. Its results stay, and the log names what was removed.
+// Unreadable ones are left as they are, and are an error at the end.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -37,7 +37,7 @@ struct HistoryOptions {
   bool attempts = false, control = false, simulated = false, together = false;
 };
 
-// A control chart is of one unit, unless the spread between units is asked for.
+// Requires one unit for a control chart, unless the spread between units is requested.
 Status check_one_unit(const HistoryOptions& options, const Calibrations& all) {
   std::set<std::string> units;
   for (const StoredCalibration& c : all) units.insert(c.unit);
@@ -181,7 +181,7 @@ Status show_history(const HistoryOptions& options, CommandContext& context) {
     if (damaged.empty()) damaged = c.defect;
     ++more;
   }
-  // A row that is not what its parameter file says is shown in the list, and used for nothing.
+  // A row that differs from its parameter file is listed, and used for nothing else.
   const bool listed = options.format.empty() && !charts && options.report.empty();
   if (!listed) std::erase_if(all, [](const StoredCalibration& c) { return !c.defect.empty(); });
   TRY(print_history(options, std::move(all), out));
@@ -220,7 +220,7 @@ struct ShiftOptions {
   double target_percent = 0.0;
 };
 
-// An earlier report in the folder is replaced, and nothing else.
+// Writes the report; an earlier one in the folder is replaced, and nothing else.
 Status write_shift(const ShiftOptions& options, const ShiftReport& report, const Document& document) {
   TRY(make_folder(options.out));
   const LockFile held = TRY(hold_folder(options.out));
@@ -273,7 +273,7 @@ Status backup(const DatabaseOptions& options, CommandContext& context) {
   TRY(check_replaceable(options.out, "SQLite format 3"));
   const ResultsDatabase database = TRY(ResultsDatabase::open_to_read(options.database));
   const std::string image = TRY(database.image());
-  // What is kept is what was checked.
+  // Checks the image that will be kept.
   const ResultsDatabase copy = TRY(ResultsDatabase::of_image(image, options.database));
   TRY(copy.check());
   TRY(write_file_atomically(options.out, image));
@@ -315,7 +315,7 @@ struct PruneOptions {
   bool list = false;
 };
 
-// Of a unit that has its verdict.
+// A recording of a unit that has its verdict.
 struct OldRecording {
   std::string unit, run, path, tag;
   double sealed_utc_s = 0.0;

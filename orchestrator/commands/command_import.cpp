@@ -1,5 +1,5 @@
-// Data in and out: `segment`, `import`, `export`, `apply`, `convert`, `navigate`. Nothing is overwritten by import and export, and a failure
-// leaves nothing behind. Refused by apply: a wrong checksum, a missing key, parameters of another unit, simulated ones on a real unit's
+// Data in and out: `segment`, `import`, `export`, `apply`, `convert`, `navigate`. import and export overwrite nothing, and a failure
+// leaves nothing behind. apply refuses a wrong checksum, a missing key, parameters of another unit, and simulated ones on a real unit's
 // recording.
 #include <fmt/format.h>
 #include <algorithm>
@@ -39,9 +39,9 @@ namespace {
 
 struct TextOptions {
   std::string source, out;
-  // Of what is not ours: a table, a bag, raw bytes.
+  // For foreign data: a table, a bag, raw bytes.
   std::string map, map_out, frame, topic;
-  std::string accel;  // of the accelerometers, where they have a file of their own
+  std::string accel;  // the accelerometers' file, if they have their own
   bool skip_bad_rows = false;
   std::optional<double> gravity_mps2, latitude_deg, rate_hz;
   std::string unit;
@@ -79,7 +79,7 @@ void print_segmentation(const Segmentation& found, const RecordingInfo& info, st
   }
 }
 
-// What is plainly wrong with the units, by rests or by the motion; empty: nothing.
+// Returns what is plainly wrong with the units of measure, by rests or by the motion; empty: nothing.
 std::string wrong_units_of(RecordingSource& source, const Segments& segments) {
   Compressor compressor(source.info(), rest_compression_options());
   SegmentedFeed feed(compressor, segments);
@@ -107,7 +107,7 @@ Status segment_recording(const SegmentOptions& options, CommandContext& context)
   return {};
 }
 
-// What the samples of a recording that was imported say, wherever they came from.
+// Prints defects in the samples of an imported recording, whatever its source.
 Status say_of_samples(RecordingSource& source, CommandContext& context) {
   ChannelLife life(source.info());
   SpikeFinder finder(source.info());
@@ -127,7 +127,7 @@ Status say_of_samples(RecordingSource& source, CommandContext& context) {
   return {};
 }
 
-// What was imported, as it is in memory.
+// An imported recording in memory.
 class ImportedSource final : public RecordingSource {
  public:
   ImportedSource(const CsvImport& content, std::string path) : RecordingSource(std::move(path)), content_(content) {
@@ -139,7 +139,7 @@ class ImportedSource final : public RecordingSource {
   const CsvImport& content_;
 };
 
-// `where`: what says the units.
+// Writes an imported recording. `where`: what defines the units of measure.
 Status write_imported(const CsvImport& content, const std::string& out, const std::string& line, const char* where,
                       CommandContext& context) {
   OutputFolder folder = TRY(OutputFolder::prepare(out, {binary_recording_name}));
@@ -172,7 +172,7 @@ ImportSite site_of(const TextOptions& from) {
   return site;
 }
 
-// What neither a file nor an option says of the site; a map says it.
+// Lists what is assumed about the site because no option gives it; a map gives it.
 std::string assumed_of(const TextOptions& from) {
   const ImportSite site = site_of(from);
   std::string text;
@@ -195,7 +195,7 @@ Status import_frames(const TextOptions& from, CommandContext& context) {
   return write_imported(content, from.out, line, "the frame description", context);
 }
 
-// The map that is given, or the one proposed; where that is in doubt, an error after it was printed and written.
+// Returns the given map or the proposed one; when that is doubtful, an error after it was printed and written.
 Result<CsvMap> map_for(const TextOptions& from, const ColumnSource& source, CommandContext& context) {
   if (!from.map.empty()) return read_csv_map(from.map);
   TRY(check_serial(site_of(from).unit_serial, "--unit"));
@@ -279,7 +279,7 @@ Status import_text(const TextOptions& options, CommandContext& context) {
 Status export_recording(const TextOptions& options, CommandContext& context) {
   std::unique_ptr<RecordingSource> source = TRY(RecordingSource::open(options.source));
   TRY(check_not_source(options.out, options.source));
-  // A folder has no ending that says "file".
+  // A folder has no extension that means "file".
   if (const std::string ending = std::filesystem::path(options.out).extension().string();
       !names_matrix(options.out) && ending.size() > 1 && std::isalpha(static_cast<unsigned char>(ending[1])) != 0)
     return input_error(options.out + ": expected a folder (its text form), or a file that ends in .npy or .mat");
@@ -294,10 +294,10 @@ Status export_recording(const TextOptions& options, CommandContext& context) {
 
 struct ApplyOptions {
   std::string recording, parameters, out;
-  std::string as;  // empty: increments as ever, by the unit's counter
+  std::string as;  // empty: increments by the unit's counter
 };
 
-// The unit's counter and increments; or time, temperature where there is one, and increments, or the mean rates over the sample that ends then.
+// Returns the unit's counter and increments; or time, temperature if any, and increments, or the mean rates over the sample that ends then.
 SampleColumns calibrated_columns(const RecordingInfo& info, const std::string& as) {
   const bool rates = as == "rates", timed = !as.empty(), warm = timed && info.has_temperature;
   SampleColumns columns{{timed ? "time_s" : "sample"}, {}};
@@ -315,7 +315,7 @@ SampleColumns calibrated_columns(const RecordingInfo& info, const std::string& a
   return columns;
 }
 
-// By the name of the file: a recording, a matrix as export writes it, or columns.
+// Writes by the name of the file: a recording, a matrix in the form of export, or columns.
 Status write_calibrated(RecordingSource& source, const ApplyOptions& options) {
   if (options.out.ends_with(".tcr")) {
     TRY(check_replaceable(options.out, recording_beginning));
@@ -372,7 +372,7 @@ Status convert(const ConvertOptions& options, CommandContext& context) {
                    {"--yaml", options.yaml},
                    {"--out", options.out}}));
   const ParameterFile file = TRY(read_parameter_file(options.parameters));
-  // An existing file is replaced by one that begins alike.
+  // An existing file is replaced only if it begins alike.
   constexpr std::size_t alike = 30, of_block = 4;
   std::vector<NamedText> forms;
   if (!options.header.empty()) forms.push_back({options.header, format_parameter_header(file)});
@@ -401,7 +401,7 @@ struct NavigateOptions {
 
 Status navigate(const NavigateOptions& options, CommandContext& context) {
   TRY(check_not_source(options.out, options.request.recording));
-  // An earlier result in the folder is replaced, whole.
+  // An earlier result in the folder is replaced as a whole.
   OutputFolder folder = TRY(OutputFolder::prepare(options.out, {}));
   const NavigationReport report = TRY(navigate_recording(options.request));
   const std::string conf = folder.file("navigation.conf");

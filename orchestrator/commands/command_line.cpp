@@ -25,13 +25,13 @@ extern const std::string_view command_examples;  // examples.txt
 
 namespace {
 
-// A pipe that nobody reads any more (| head -1) is no error: who left has read enough, and what is made goes on.
+// A pipe whose reader has left (| head -1) is no error: the reader has read enough, and the work goes on.
 bool reader_has_left() {
   pollfd output{STDOUT_FILENO, POLLOUT, 0};
   return ::poll(&output, 1, 0) == 1 && (output.revents & POLLERR) != 0;
 }
 
-// CLI11's own checks let "nan" pass, and name a limit of 300 digits.
+// Replaces CLI11's own checks, which let "nan" pass and print limits with 300 digits.
 CLI::Validator number_that(const std::function<bool(double)>& holds, const std::string& expected,
                            const std::string& name) {
   return CLI::Validator(
@@ -48,18 +48,18 @@ CLI::Validator number_in(double low, double high, const std::string& kind) {
                      "in [" + from + " - " + to + "]");
 }
 
-// An empty word is a variable of a script that was not set: without it the option would count as not given.
+// Rejects an empty word, which is an unset variable of a script; CLI11 would treat the option as not given.
 CLI::Validator some_text() {
   return CLI::Validator([](std::string& text) { return text.empty() ? "expected a text that is not empty" : ""; }, "");
 }
 
-// Where --quiet sends what a command prints.
+// Discards what a command prints, for --quiet.
 class Nowhere : public std::streambuf {
   int_type overflow(int_type c) override { return traits_type::not_eof(c); }
   std::streamsize xsputn(const char*, std::streamsize n) override { return n; }
 };
 
-// One of `values`, which the help shows.
+// Accepts one of `values`, which the help shows.
 CLI::Validator word_of(const std::vector<std::string>& values) {
   return CLI::Validator(
       [values](std::string& text) {
@@ -71,7 +71,7 @@ CLI::Validator word_of(const std::vector<std::string>& values) {
 
 const std::map<std::string_view, double> seconds_of = {{"s", 1.0}, {"min", 60.0}, {"h", 3600.0}, {"d", 86400.0}};
 
-// "1h30min": numbers, each with its unit.
+// Parses "1h30min": numbers, each with its unit.
 std::optional<double> seconds_in(std::string_view text) {
   double sum_s = 0.0;
   do {
@@ -86,7 +86,7 @@ std::optional<double> seconds_in(std::string_view text) {
   return sum_s;
 }
 
-// A time becomes a number of `unit`.
+// Converts a time to a number of `unit`.
 CLI::Validator time_in(double low, double high, const std::string& unit) {
   return CLI::Validator(
       [=](std::string& text) {
@@ -100,7 +100,7 @@ CLI::Validator time_in(double low, double high, const std::string& unit) {
       "");
 }
 
-// Lines of at most 100 characters; what stands in the column of descriptions goes on there.
+// Wraps lines at 100 characters; text in the column of descriptions continues in that column.
 std::string wrapped(const std::string& help) {
   constexpr std::size_t width = 100;
   std::string result;
@@ -121,7 +121,7 @@ class HelpText : public CLI::Formatter {
   }
 };
 
-// The lines of examples.txt for "turncal run", or for turncal itself: the first two.
+// Returns the first two lines of examples.txt for a command, "turncal run", or for turncal itself.
 std::string examples_of(const std::string& command) {
   std::string text = "Examples:";
   int found = 0;
@@ -131,11 +131,11 @@ std::string examples_of(const std::string& command) {
   return text;
 }
 
-// Names of the version before.
+// Command names of the previous version.
 constexpr std::pair<const char*, const char*> renamed[] = {
     {"database", "records"}, {"restore", "records restore"}, {"prune", "records prune"}, {"fleet report", "shift"}};
 
-// The words of the command line, the last one first, as CLI11 takes them.
+// Returns the words of the command line in reverse order, as CLI11 takes them.
 std::vector<std::string> words_of(int argc, const char* const* argv, std::ostream& err) {
   std::vector<std::string> words(argv + 1, argv + argc);
   const std::string first = words.empty() ? "" : words.front();
@@ -156,13 +156,13 @@ std::vector<std::string> words_of(int argc, const char* const* argv, std::ostrea
   return words;
 }
 
-// The command that was named last, or the first one that was given a word that it does not know.
+// Returns the last command named, or the first one that got a word it does not know.
 const CLI::App& command_meant(const CLI::App& app) {
   const std::vector<CLI::App*> named = app.get_subcommands();
   return app.remaining().empty() && !named.empty() ? command_meant(*named.front()) : app;
 }
 
-// A word that is not understood is said before what is missing because of it.
+// Reports an unknown word before whatever is missing because of it.
 Error misunderstood(const CLI::App& app, const std::string& why) {
   const CLI::App* const command = &command_meant(app);
   std::string name;
@@ -282,7 +282,7 @@ int run_command_line(int argc, const char* const* argv, const std::vector<Comman
       const bool knows_it = command.remaining().empty() || command.get_require_subcommand_min() == 0;
       knows_it ? void(app.exit(success, context.out, context.err)) : context.fail(misunderstood(app, ""));
     } catch (const CLI::ParseError& error) {
-      // In place of CLI11's own words.
+      // Replaces CLI11's own words.
       constexpr std::string_view no_number = "Could not convert: ", no_word = ": 1 required ";
       std::string why = error.what();
       if (why.starts_with(no_number)) why = why.substr(no_number.size()) + ": expected a number of its kind";
@@ -292,7 +292,7 @@ int run_command_line(int argc, const char* const* argv, const std::vector<Comman
     }
   } catch (const std::exception& error) {
     context.fail({ErrorKind::internal, std::string("internal error: ") + error.what()});
-  } catch (...) {  // so that everything on the way out is unwound: a table is stopped by that
+  } catch (...) {  // so that the stack is unwound, which stops a table
     context.fail({ErrorKind::internal, "internal error"});
   }
   if (context.quiet) context.out.rdbuf(out);

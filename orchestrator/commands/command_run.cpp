@@ -1,6 +1,6 @@
 // `turncal run`, `resume`, `journal` (orchestrator/jobs/run.h); `batch`, `queue`.
-// A unit that fails, drops out while others go on, or is not the one on the table, does not stop the next of a batch; a fault of table, link
-// or disk, and the operator, by a pause too, stop it, and the same command goes on with the units that were interrupted.
+// A batch continues with the next unit after one that fails, drops out while others go on, or is not the one on the table. A fault of table, link
+// or disk, and the operator, even by a pause, stop it; the same command goes on with the units that were interrupted.
 #include <fmt/format.h>
 #include <unistd.h>
 
@@ -75,7 +75,7 @@ struct BatchOptions {
   RunRequest request;
 };
 
-// A unit that is done again gets a folder of its own: NAME, NAME.2, NAME.3 ..., the first without a whole recording.
+// Returns the folder of a unit: a repeated one gets a folder of its own, NAME, NAME.2, NAME.3 ..., the first without a whole recording.
 std::string folder_for(const std::string& out, const std::string& unit, const UnitOutcome* before) {
   const std::string name = out + "/" + name_of_unit(unit);
   std::string folder = name;
@@ -89,7 +89,7 @@ struct Turn {
   std::string folder;
 };
 
-// Several units at once are a run in OUT/group.1, group.2, ...; the last of these may have been interrupted.
+// Returns the folder of a run of several units: OUT/group.1, group.2, ...; the last of these may have been interrupted.
 std::string group_folder(const std::string& out, int number) { return fmt::format("{}/group.{}", out, number); }
 
 int last_group(const std::string& out) {
@@ -107,7 +107,7 @@ Result<std::optional<Turn>> interrupted_group(const std::string& out, const std:
   const bool over = is_over(journal);
   for (const std::string& unit : journal.units()) {
     if (std::ranges::find(to_do, unit) == to_do.end()) continue;
-    // A run that is over has told the queue of all its units, unless it was interrupted just then.
+    // A run that is over has recorded all its units in the queue, unless it was interrupted just then.
     if (!over || !find_outcome(outcomes, unit)) return std::optional(Turn{journal.units(), folder});
   }
   return std::optional<Turn>();
@@ -127,7 +127,7 @@ Result<Turn> next_turn(const BatchOptions& options) {
   return turn;
 }
 
-// Nobody is there, and what stopped the batch came before there was a run that could tell.
+// Calls the operator when the batch stopped before there was a run that could do so.
 void tell_operator(const HookCommands& hooks, const Status& why, const Turn& turn, bool dry_run, std::ostream& out) {
   HookCall call{.event = "needs_operator",
                 .unit = join(turn.units),
@@ -137,18 +137,18 @@ void tell_operator(const HookCommands& hooks, const Status& why, const Turn& tur
   if (Status status = run_hook(hooks, call); !status) out << status.error().message << std::endl;
 }
 
-// A run that was begun goes on with its own sequence, whatever is asked for now; empty: with the same.
+// Returns a note when a run that was begun goes on with its own sequence, not with the requested one; empty: they are the same.
 std::string another_sequence(const RunPlan& asked, const std::string& folder) {
   const Result<JournalContents> journal = read_journal(folder + "/" + journal_name);
   if (!journal || journal->begin_value("sequence_hash") == asked.hashes.sequence) return "";
   const std::string began = journal->begin_value("sequence");
-  if (began == asked.request.sequence) return "";  // it was changed, which the run itself refuses
+  if (began == asked.request.sequence) return "";  // a changed file, which the run itself refuses
   const auto called = [](const std::string& file) { return file.empty() ? "the fourteen steps" : file; };
   return fmt::format("goes on with the sequence that it began with, {}, not with {}", called(began),
                      called(asked.request.sequence));
 }
 
-// One run, and what became of each of its units. `asked`: as for any unit of the batch.
+// Performs one run and records the outcome of each unit. `asked`: the plan for any unit of the batch.
 Status run_turn(const BatchOptions& options, const RunPlan& asked, const Turn& turn, const std::string& tag,
                 CommandContext& context) {
   const std::string name = (turn.units.size() > 1 ? "units " : "unit ") + join(turn.units);
@@ -164,8 +164,8 @@ Status run_turn(const BatchOptions& options, const RunPlan& asked, const Turn& t
     for (const std::string& unit : turn.units) context.out << tag << "unit " << unit << ": " << other << std::endl;
   RunEnd end = begun ? resume_run(turn.folder, resumed, context) : begin_run(request, turn.folder, context);
   if (!end.to_the_end) {
-    // Refused before anything was measured: not the unit on the table, say. Anything else is the station's affair, and so is what
-    // stopped it before there was a run: a table that is overdue since midnight is no fault of all the units that wait.
+    // A refusal before anything was measured, such as the wrong unit on the table, concerns the unit. Anything else concerns the station, and so does
+    // what stopped it before there was a run: a table overdue since midnight is no fault of the units that wait.
     const bool refused = !begun && !end.units.empty() && end.status.error().kind == ErrorKind::input &&
                          std::ranges::all_of(end.units, [](const auto& unit) { return unit.outcome == "refused"; });
     if (!refused) {
@@ -189,13 +189,13 @@ Status run_turn(const BatchOptions& options, const RunPlan& asked, const Turn& t
   return stops;
 }
 
-// A run that somebody resumed to its end: nothing is left to measure.
+// Returns whether a run was resumed to its end, so that nothing is left to measure.
 bool is_complete(const std::string& folder) {
   const Result<JournalContents> journal = read_journal(folder + "/" + journal_name);
   return journal && is_over(*journal);
 }
 
-// False: one was skipped, and the turn is another.
+// Returns false when a unit was skipped, which changes the turn.
 Result<bool> mount_units(const BatchOptions& options, const StationConfig& station, const Turn& turn,
                          const std::string& tag, CommandContext& context) {
   const std::string waited_for = mounting_file(options.queue);
@@ -232,11 +232,11 @@ Status run_batch(const BatchOptions& options, CommandContext& context) {
                              : mount_units(options, prepared.station, turn, tag, context));
     if (!all) continue;
     TRY(run_turn(options, prepared, turn, tag, context));
-    if (StopSignals::any())  // asked for when the results were being made
+    if (StopSignals::any())  // requested while the results were made
       return Error{ErrorKind::interrupted,
                    "paused after unit " + join(turn.units) + "; the same command continues with the next"};
   }
-  // Of the whole queue, whichever command did it.
+  // Counts the whole queue, whichever command measured the units.
   const std::vector<std::string> queue_done = TRY(read_queue(options.queue));
   const std::vector<UnitOutcome> outcomes = TRY(read_outcomes(options.queue));
   std::map<Standing, int> units;
@@ -300,7 +300,7 @@ void add_watch_options(const Command& command, RunRequest& request) {
   command.flag("--verbose", request.session.verbose, "print every transition, as in run.log");
 }
 
-// Of a run, and of each of a batch.
+// Adds the options of a run, and of each run of a batch.
 void add_run_options(const Command& command, RunRequest& request) {
   command.flag("--dry-run", request.dry_run, "simulate table and unit, in virtual time");
   command.option("--rig", request.rig, "rig configuration (docs/rig.md); default: the built-in one");

@@ -1,4 +1,4 @@
-// `turncal check`; `commission`, `monitor` and `twin` (docs/tables.md); `serve`: a page of several stations, by a process of its own.
+// `turncal check`; `commission`, `monitor` and `twin` (docs/tables.md); `serve`: the page of several stations, in a process of its own.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -106,7 +106,7 @@ std::string caution_of(const TableConfig& table) {
 
 bool is_commissioned(const TableConfig& table) { return !table.described() || table.described()->commissioned; }
 
-// What decides what moves, or what heats, has to be more than a guess.
+// Refuses guesses among the lines that decide what moves, or what heats.
 Status check_guesses(const StationConfig& station, bool heating, bool accepted) {
   const std::vector<std::string> guesses = guesses_of(station, !heating, heating);
   if (guesses.empty() || accepted) return {};
@@ -117,7 +117,7 @@ Status check_guesses(const StationConfig& station, bool heating, bool accepted) 
       guesses.front(), more, heating ? "heats" : "moves", heating ? "chamber" : "table");
 }
 
-// What the station's files still lack: `blocks` keeps every run from it, `doubts` are for somebody to look at.
+// Defects of the station's files: `blocks` keep it from every run, `doubts` are for somebody to check.
 struct Against {
   std::vector<std::string> blocks, doubts;
 };
@@ -125,7 +125,7 @@ struct Against {
 Against against(const StationConfig& station) {
   Against found;
   const TableConfig& table = station.table;
-  // A station of mock devices alone is made for --dry-run.
+  // A station with mock devices only is made for --dry-run.
   if (station.table.driver != TableDriver::mock || station.imu) found.blocks = no_real_devices(station);
   if (station.chamber && !station.chamber->described.commissioned)
     found.blocks.push_back(
@@ -163,18 +163,18 @@ void print_devices(const StationConfig& station, std::ostream& out) {
 
 struct Options {
   std::string station;
-  std::optional<double> heading, pitch, roll;  // where the axes stand now
+  std::optional<double> heading, pitch, roll;  // present angles of the axes
   double tolerance_deg = 0.1;
   bool accept_guess = false, chamber = false;
   CommissioningSettings settings;
 };
 
-// switched_on: whether the drives were. said_last: what is said once the table was left.
+// Tries the table. switched_on: whether the drives were on. said_last: what to print after the table was left.
 Status commission(const Options& options, const StationConfig& station, LiveDevices& live, std::ostream& out,
                   bool& switched_on, std::string& said_last) {
   const StationDevices devices = live.devices();
   const Status connected = devices.table.connect();
-  // With the wrong word order no position may be plausible: commission_table says which fits.
+  // With the wrong word order no position may be plausible; commission_table finds the right one.
   if (!connected && !(options.heading && station.table.map)) return connected;
   if (connected) {
     const TableIdentity table = TRY(devices.table.identify());
@@ -202,15 +202,15 @@ Status commission(const Options& options, const StationConfig& station, LiveDevi
   return try_axes(devices, station, options.settings, StopSignals::requests(), out);
 }
 
-// The chamber alone: 2 C up and down from where it is, the air follows, and off is off.
+// Tries the chamber alone: 2 C up and down from its present temperature; the air must follow, and off must be off.
 Status commission_chamber(StationConfig station, CommandContext& context) {
-  station.chamber->described.commissioned = true;  // it is about to be
+  station.chamber->described.commissioned = true;  // it is being commissioned now
   const StopSignals signals;
   std::unique_ptr<LiveDevices> live = TRY(LiveDevices::make(station, StopSignals::requests(), context.out));
   const LinePrefix marked(context.out, context.tag);
   ChamberConfig config = *station.chamber;
   const ChamberLimits& limits = config.described.limits;
-  config.settle_s = 10.0;  // it has to get there, not to stay
+  config.settle_s = 10.0;  // it has to get there, not stay there
   ChamberKeeper chamber(*live->chamber(), config, BackgroundQueue::By::thread);
   const StationDevices devices = live->devices();
   const ChamberTime time{
@@ -260,14 +260,14 @@ Status run_commission(const Options& options, CommandContext& context) {
 }
 
 constexpr double line_every_s = 1.0;
-constexpr double look_every_s = 0.1;  // at a signal, and at a unit that is silent
+constexpr double look_every_s = 0.1;  // for a signal, and for a silent unit
 
 struct MonitorOptions {
   std::string station;
   double seconds = 0.0;  // 0: until a signal
 };
 
-// What came in since the last line.
+// Samples received since the last line.
 struct Second {
   std::int64_t samples = 0, gaps = 0, lost = 0, flagged = 0;
   std::array<double, 3> accel{};  // increments
@@ -288,7 +288,7 @@ void add(std::span<const ImuSample> samples, std::optional<std::int64_t>& last_c
   }
 }
 
-// The state in a word, and what it hides.
+// Returns the state in a word, and flags that the word hides.
 std::string state_text(const AxisStatus& axis) {
   std::string text;
   const auto add = [&text](bool set, const char* name) {
@@ -349,7 +349,7 @@ Status watch(LiveDevices& live, double seconds, std::ostream& out) {
   for (double line_s = began_s; StopSignals::requests() == 0 && (seconds == 0.0 || line_s - began_s < seconds);) {
     Second second;
     double now_s = line_s;
-    // Also what came while a slow table was asked.
+    // Includes samples that came while a slow table was polled.
     for (bool more = true; (more || now_s - line_s < line_every_s) && StopSignals::requests() == 0;) {
       const std::size_t got = TRY(devices.imu.read(buffer, look_every_s));
       add(std::span(buffer).first(got), last_counter, second);
@@ -358,7 +358,7 @@ Status watch(LiveDevices& live, double seconds, std::ostream& out) {
     }
     const std::uint64_t bad_frames = devices.imu.counters().bad_frames;
     const std::string table_now = table_text(devices.table), chamber_now = chamber_text(live.chamber());
-    if (StopSignals::requests() != 0) break;  // its readings were given up
+    if (StopSignals::requests() != 0) break;  // the readings of the table were abandoned
     out << fmt::format("{:8.1f} s  ", now_s - began_s) << table_now << chamber_now
         << unit_text(second, info, now_s - line_s);
     if (bad_frames > bad_frames_before) out << ", " << bad_frames - bad_frames_before << " bad frames";
@@ -377,13 +377,13 @@ Status run_monitor(const MonitorOptions& options, CommandContext& context) {
   std::unique_ptr<LiveDevices> live = TRY(LiveDevices::make(station, StopSignals::requests(), context.out));
   if (station.simulated()) context.tag = simulated_tag;
   const LinePrefix marked(context.out, context.tag);
-  // A drive that somebody else had switched on, too.
+  // Also switches off a drive that another program had switched on.
   return live->leave_table(watch(*live, options.seconds, context.out));
 }
 
 struct TwinCommandOptions {
   std::string station, rig;
-  TwinSettings settings{.speed_up = 0.0, .table = {}};  // 0: the station's
+  TwinSettings settings{.speed_up = 0.0, .table = {}};  // 0: the station's value
 };
 
 Status run_twin(const TwinCommandOptions& options, CommandContext& context) {
@@ -447,7 +447,7 @@ Status run_check(const CheckOptions& options, CommandContext& context) {
   const PlanLimits limits = plan_limits(*station, info->sample_period_s);
   Plan plan = make_plan(*sequence, limits);
   const std::vector<std::string> keys = undetermined_by(*sequence, plan, *info);
-  if ((station->verify_run || options.verify) && keys.empty()) {  // as a run does, but with --partial
+  if ((station->verify_run || options.verify) && keys.empty()) {  // as a run does without --partial
     static_cast<void>(TRY(append_north_seeking(*station, *sequence)));
     plan = make_plan(*sequence, limits);
   }
@@ -469,7 +469,7 @@ Status run_check(const CheckOptions& options, CommandContext& context) {
   for (const Error& error : refused) found.blocks.push_back(error.message);
   if (refused.empty())
     out << (options.out.empty() ? "\nHooks" : "\nOutput folder, disk space, hooks") << " and due dates are in order.\n";
-  // What is wrong comes last: the plan above is longer than a screen.
+  // Defects come last, because the plan above is longer than a screen.
   out << (!found.blocks.empty() ? "\nThe station cannot run this sequence:\n"
           : keys.empty()
               ? "\nThe station can run this sequence.\n"

@@ -1,5 +1,5 @@
 // `turncal verify`: north seeking on the table with a calibration (Wang (2020), 4.2), recorded as a run with verify.seq in place of the
-// fourteen steps, and `--references`: readings of references beside those of the unit (4.3). `turncal certificate` (docs/report.md).
+// fourteen steps; `--references`: readings of references against those of the unit (4.3). `turncal certificate` (docs/report.md).
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -27,7 +27,7 @@ struct VerifyOptions {
   int first_step = 0;
 };
 
-// Whether an option was given that only a measurement has a use for.
+// Returns whether an option was given that only a measurement uses.
 bool measures(const VerifyOptions& o) {
   return !o.unit.empty() || o.run.dry_run || o.run.manual || !o.run.rig.empty() || !o.run.sequence.empty() ||
          !o.run.operator_name.empty() || !o.run.ambient.empty() || !o.run.session.listen.empty() ||
@@ -69,7 +69,7 @@ Status verify_by_references(const VerifyOptions& options, CommandContext& contex
   return verification_status(options.references, report.pass ? UnitVerdict::pass : UnitVerdict::fail);
 }
 
-// Records the north seeking as a run that calibrates nothing. What cannot be used is refused before anything moves.
+// Records the north seeking as a run without calibration. Unusable input is refused before anything moves.
 Status measure(const VerifyOptions& options, CommandContext& context) {
   RunRequest run = options.run;
   run.units = {options.unit};
@@ -81,7 +81,7 @@ Status measure(const VerifyOptions& options, CommandContext& context) {
 
 Status judge_again(const VerifyOptions& options, CommandContext& context) {
   ParameterFile parameters = TRY(read_parameter_file(options.parameters));
-  VerdictLimits limits;  // of a real unit without a station: the paper's, not those of the rig's gyros
+  VerdictLimits limits;  // for a real unit without a station: the paper's limits, not those of the rig's gyros
   if (parameters.simulated || !options.run.station.empty())
     limits = TRY(read_station_config(options.run.station)).limits;
   OutputFolder folder = TRY(OutputFolder::prepare(options.folder, {}));
@@ -108,13 +108,13 @@ Status verify(const VerifyOptions& options, CommandContext& context) {
 
 struct CertificateOptions {
   std::vector<std::string>
-      runs;             // folders, oldest first: the last one's result is certified, all give the repeatability
+      runs;             // folders, oldest first: the last result is certified, all of them give the repeatability
   std::string station;  // laboratory.*, customer.*
   std::string html, pdf, check;
   bool specimen = false;
 };
 
-// Why the result is for nobody's use; empty: it may be certified.
+// Returns why the result must not be used; empty: it may be certified.
 std::string objection(const ParameterFile& file) {
   if (file.simulated) return "its data are simulated";
   if (!is_trusted(file)) return "its sigmas are not trusted: " + why_not_trusted(file);
@@ -123,7 +123,7 @@ std::string objection(const ParameterFile& file) {
   return "";
 }
 
-// A verification belongs to the certificate when it is of these parameters, on this recording, and the one that the verdict knows of.
+// Adds a verification to the certificate if it is of these parameters, on this recording, and the one that the verdict refers to.
 Status add_verification(const std::string& folder, const ParameterFile& file, Certificate& certificate) {
   const std::string path = folder + "/" + verification_name;
   const std::string* const in_verdict = find_further(file, "verdict.verification");
@@ -146,7 +146,7 @@ Status add_verification(const std::string& folder, const ParameterFile& file, Ce
   return {};
 }
 
-// Of all recordings that a result was made from.
+// Returns the hashes of all recordings of a result.
 std::vector<std::string> recordings_of(const ParameterFile& file) {
   std::vector<std::string> hashes;
   const auto of_several = [&] {
@@ -157,8 +157,8 @@ std::vector<std::string> recordings_of(const ParameterFile& file) {
   return hashes;
 }
 
-// Errors: kind input for folders without a result, of several units, of a recording given twice, or in another order; unit_failed for
-// results that are simulated or not trusted, unless a specimen is asked for.
+// Makes the certificate. Errors: kind input for folders without a result, of several units, of a recording given twice, or in another order;
+// unit_failed for results that are simulated or not trusted, unless a specimen is requested.
 Result<std::string> make_certificate(const CertificateOptions& options) {
   Certificate certificate;
   StationConfig station = TRY(read_station_config(options.station));

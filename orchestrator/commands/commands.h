@@ -1,7 +1,7 @@
-// The commands: `turncal COMMAND ...`, in the order in which `turncal --help` lists them; main.cpp registers them. Those of one kind are
-// one file. They declare their options with the classes below; what the parser (CLI11) makes of them is command_line.cpp's alone.
+// The commands `turncal COMMAND ...`, in the order of `turncal --help`; main.cpp registers them. Commands of one kind share a
+// file. They declare their options with the classes below; only command_line.cpp sees the parser (CLI11).
 //
-// Exit codes are those of calib/types/status.h; every error is one line on `err`. Nothing throws out of here.
+// Exit codes are those of calib/types/status.h; every error is one line on `err`. No exception leaves a command.
 #pragma once
 
 #include <functional>
@@ -26,23 +26,23 @@ class Option;
 
 namespace turncal {
 
-// What is expected of an option's value; one that breaks it is an input error.
+// A condition on an option's value; a value that breaks it is an input error.
 using Condition = std::function<void(CLI::Option&)>;
 namespace is {
 void required(CLI::Option& option);
 void positive(CLI::Option& option);
-void one_word_each(CLI::Option& option);  // of a list: the option stands before every word of it
+void one_word_each(CLI::Option& option);  // for a list: every word needs the option before it
 void default_in_help(CLI::Option& option);
-Condition words(int count);       // of a list: just as many
-Condition in(int low, int high);  // both included
+Condition words(int count);       // for a list: exactly so many
+Condition in(int low, int high);  // limits included
 Condition in(double low, double high);
 Condition one_of(const std::vector<std::string>& values);
-// A time with its unit (90s, 40min, 1h30min, 30d), from low to high; these and the value are in `unit`.
+// A time with its unit (90s, 40min, 1h30min, 30d); low, high and the result are in `unit`.
 Condition time(double low, double high, const std::string& unit = "s");
 }  // namespace is
-void needs(CLI::Option* option, CLI::Option* other);  // is given only beside it
+void needs(CLI::Option* option, CLI::Option* other);  // requires `other`
 
-// What an option fills; it must live as long as the parser.
+// The variable that an option sets; it must live as long as the parser.
 struct Place {
   template <class Value>
   Place(Value& filled) : value(&filled) {}
@@ -55,14 +55,14 @@ class Command {
  public:
   explicit Command(CLI::App* app) : app_(app) {}
 
-  // A name without dashes is a word that stands by itself.
+  // Adds an option. A name without dashes is a positional argument.
   CLI::Option* option(const std::string& name, const Place& place, const std::vector<Condition>& conditions,
                       const std::string& help) const;
   CLI::Option* option(const std::string& name, const Place& place, const std::string& help) const {
     return option(name, place, {}, help);
   }
   void flag(const std::string& name, bool& value, const std::string& help) const;
-  // --format, for what other programs read.
+  // Adds --format, for output that other programs read.
   void format(std::string& value, const std::string& help) const;
 
  private:
@@ -74,16 +74,16 @@ class CommandLine {
  public:
   CommandLine(CLI::App& app, CommandContext& context) : app_(app), context_(context) {}
 
-  // A command and its options, which `job` is given. An error of it is said and becomes the exit code.
+  // Adds a command; `job` gets its options. An error of it is printed and sets the exit code.
   template <class Options>
   std::pair<Command, Options&> command(const std::string& name, const std::string& help,
                                        Status (*job)(const Options&, CommandContext&)) {
     const auto options = std::make_shared<Options>();
     return {add(name, help, [job, options, &context = context_] { return job(*options, context); }), *options};
   }
-  // A command that has only actions, each a command of what is returned: `turncal records check DB`.
+  // Adds a command that has only actions, which are commands of the result: `turncal records check DB`.
   CommandLine family(const std::string& name, const std::string& help);
-  void set_group(const std::string& group) { group_ = group; }  // of those that are added next, in --help
+  void set_group(const std::string& group) { group_ = group; }  // group in --help of the commands added next
 
  private:
   Command add(const std::string& name, const std::string& help, std::function<Status()> job);
@@ -94,13 +94,13 @@ class CommandLine {
 };
 
 using AddCommand = void(CommandLine& line);  // adds one command
-// As `turncal --help` lists them.
+// A group of commands, as `turncal --help` lists it.
 struct CommandGroup {
   std::string name;
   std::vector<AddCommand*> commands;
 };
 
-// `help X` is X --help. A name that a command had in the version before is answered with the new one, and works.
+// Runs a command line. `help X` is X --help. A command's former name still works, and the new one is mentioned.
 int run_command_line(int argc, const char* const* argv, const std::vector<CommandGroup>& groups,
                      CommandContext& context);
 
@@ -111,10 +111,10 @@ AddCommand add_run_command, add_resume_command, add_campaign_command, add_check_
     add_design_command, add_batch_command, add_queue_command, add_serve_command, add_shift_command, add_fleet_command,
     add_recalibrate_command, add_history_command, add_certificate_command, add_records_command;
 
-// The progress of work that takes longer than a moment: one line of a terminal, redrawn.
+// The progress of long work: one line on a terminal, redrawn.
 class Phases {
  public:
-  // `silent`: what is printed is for a program.
+  // `silent`: the output is for a program.
   Phases(const CommandContext& context, bool silent) : out_(context.out), shows_(context.out_is_terminal && !silent) {}
   ~Phases() { clear(); }
   void begin(const std::string& what) {
@@ -140,31 +140,31 @@ class Phases {
   double drawn_s_ = -1e9;
 };
 
-// A result in a form for programs, of the text of its file. False: none was asked for.
+// Prints a result, given as the text of its file, in a form for programs. False: none was requested.
 inline bool printed_as(const std::string& format, const std::string& conf, std::ostream& out) {
   if (!format.empty()) out << key_values_as(format, conf) << std::flush;
   return !format.empty();
 }
 
 struct RunRequest;
-// Options that several commands have.
+// Options that several commands share.
 void add_record_options(const Command& command, RunRequest& request);
 void add_watch_options(const Command& command, RunRequest& request);
 
-// `turncal check`: validates station and sequence before anything moves, and prints the plan. Exit code 0 when the station may run the
+// `turncal check`: validates station and sequence before anything moves, and prints the plan. Exit code 0 when the station can run the
 // sequence; else 1 and one line for each problem. Nothing is written, opened or moved.
 struct CheckOptions {
   std::string station;   // file; empty: the built-in rig station
   std::string sequence;  // file
   std::string overdue_reason = {};
-  std::string out = {};  // folder of a run; empty: not looked at
+  std::string out = {};  // folder of a run; empty: not checked
   std::vector<std::string> units = {};
   bool verify = false;
   bool explain = false;  // explain the table, too; without a sequence, only that
 };
 Status run_check(const CheckOptions& options, CommandContext& context);
 
-// "FILE:LINE: KEY is a guess" of each line of the table's file, and of the unit's frame, that is one; moving: of those alone that
+// Returns "FILE:LINE: KEY is a guess" for each such line of the table's file and the unit's frame; moving: only for those that
 // decide what moves.
 std::vector<std::string> guesses_of(const StationConfig& station, bool moving, bool heating = false);
 

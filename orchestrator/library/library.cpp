@@ -1,4 +1,4 @@
-// libturncal: recordings in memory, and the commands' jobs on them. Everything here calls the job that the command calls.
+// libturncal: recordings in memory. Every function calls the job that the command calls.
 #include <turncal/allan.h>
 #include <turncal/calibrate.h>
 #include <turncal/diagnose.h>
@@ -26,8 +26,8 @@ struct Report::Content {
 };
 
 struct Recording::Content {
-  std::string name;  // as it was asked for
-  std::string path;  // as messages have it (RecordingSource::path)
+  std::string name;  // as given by the caller
+  std::string path;  // as in messages (RecordingSource::path)
   bool is_file = false;
   turncal::RecordingInfo info;
   std::vector<Sample> samples;
@@ -37,7 +37,7 @@ struct Recording::Content {
 
 struct Parameters::Content {
   ParameterFile file;
-  std::string name;  // of the file, for messages
+  std::string name;  // name of the file, for messages
 };
 
 namespace {
@@ -53,7 +53,7 @@ T value(Result<T> result) {
   return std::move(*result);
 }
 
-// Samples and segments lie in memory as those of the program do.
+// Samples and segments have the memory layout of the program's own.
 static_assert(sizeof(Sample) == sizeof(ImuSample) && sizeof(Segment) == sizeof(turncal::Segment));
 
 template <class To, class From>
@@ -77,7 +77,7 @@ RecordingInfo face(const turncal::RecordingInfo& from) {
           .simulated = from.simulated};
 }
 
-// A recording in memory, for the jobs. `recording` outlives it.
+// A recording in memory, as a source for the jobs. `recording` must outlive it.
 class MemorySource : public RecordingSource {
  public:
   explicit MemorySource(const Recording& recording)
@@ -100,7 +100,7 @@ class MemorySource : public RecordingSource {
   const Recording::Content& content_;
 };
 
-// `name`: as it was asked for; is_file: it can be opened again by that.
+// Reads a source into memory. `name`: as given by the caller; is_file: it can be opened again by that name.
 Recording read_all(RecordingSource& source, const std::string& name, bool is_file) {
   auto content = std::make_shared<Recording::Content>();
   check(source.read([&](std::span<const ImuSample> samples) {
@@ -130,7 +130,7 @@ Parameters parameters_of(ParameterFile file, std::string name = "parameters") {
   return Parameters(std::make_shared<const Parameters::Content>(std::move(file), std::move(name)));
 }
 
-// `key = value` of every line but comments and the checksum.
+// Returns `key = value` of every line except comments and the checksum.
 std::vector<std::pair<std::string, std::string>> items_of(std::string_view lines) {
   std::vector<std::pair<std::string, std::string>> items;
   while (!lines.empty()) {
@@ -159,7 +159,7 @@ std::string time_or_now(const std::string& time_utc) {
 Recording Recording::load(const std::string& path) { return read_all(*value(RecordingSource::open(path)), path, true); }
 
 Recording Recording::import_table(const std::string& path, const std::string& map) {
-  static std::mutex one_at_a_time;  // Debian's libhdf5 is not for threads
+  static std::mutex one_at_a_time;  // Debian's libhdf5 is not thread-safe
   const std::lock_guard<std::mutex> now(one_at_a_time);
   const CsvImport table = value(import_csv(value(read_csv_map(map)), path));
   return Recording(

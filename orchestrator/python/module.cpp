@@ -1,4 +1,4 @@
-// turncal._turncal: the face of libturncal in tuples and arrays. What users see of it, with names and units: turncal/__init__.py.
+// turncal._turncal: libturncal in tuples and arrays. turncal/__init__.py gives them names and units for users.
 #include <pybind11/numpy.h>
 #include <pybind11/pybind11.h>
 #include <pybind11/stl.h>
@@ -17,7 +17,7 @@ namespace py = pybind11;
 using namespace turncal;
 using Unlocked = py::call_guard<py::gil_scoped_release>;
 
-// A field of every sample where it lies, read-only; the array keeps `self` alive.
+// Returns one field of every sample as a read-only view; the array keeps `self` alive.
 template <class T>
 auto field(std::size_t offset, py::ssize_t columns = 0) {
   return [=](const py::object& self) {
@@ -83,7 +83,7 @@ PYBIND11_MODULE(_turncal, m) {
       .def("text", &Report::text, Unlocked())
       .def("json", &Report::json, Unlocked())
       .def("html", &Report::html, Unlocked());
-  // In one tuple each, by the names of turncal/__init__.py; kinds as numbers.
+  // Each as one tuple, in the order of the names in turncal/__init__.py; kinds as numbers.
   py::class_<Recording>(m, "Recording")
       .def_static("load", &Recording::load, Unlocked())
       .def_static("import_table", &Recording::import_table, Unlocked())

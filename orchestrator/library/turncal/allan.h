@@ -13,15 +13,15 @@ namespace turncal::v0 {
 struct AllanPoint {
   double tau_s = 0.0;
   double deviation = 0.0;        // rad/s or m/s^2
-  double low = 0.0, high = 0.0;  // holds the true one with 68.3 %
-  double degrees = 0.0;          // of freedom
+  double low = 0.0, high = 0.0;  // 68.3 % interval
+  double degrees = 0.0;          // degrees of freedom
 };
 
-// rad or m/s, then per sqrt(s), per s, per s^1.5, per s^2.
+// Units: rad or m/s, then per sqrt(s), per s, per s^1.5, per s^2.
 struct AllanCoefficient {
   double value = 0.0;  // 0: not seen
   double sigma = 0.0;
-  double limit = 0.0;  // of what is not seen: it is below this with 95 %
+  double limit = 0.0;  // 95 % upper limit of a coefficient that is not seen
 };
 
 struct AllanAxis {

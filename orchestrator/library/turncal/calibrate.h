@@ -13,14 +13,14 @@ namespace turncal::v0 {
 
 struct CalibrateOptions {
   std::string method = "joint";  // or closed-form: the fourteen steps of Wang (2020)
-  bool partial = false;          // what is not determined is no error
-  std::string time_utc = {};     // of the record, as 2026-01-31T12:00:00Z; empty: now
+  bool partial = false;          // undetermined parameters are no error
+  std::string time_utc = {};     // for the record, as 2026-01-31T12:00:00Z; empty: now
 };
 
 struct Calibration {
   Parameters parameters;
-  std::vector<std::string> notes;  // what the data lacked, how the solution went
-  std::string distrust;            // what speaks against the sigmas: the program then ends with 20; empty: nothing does
+  std::vector<std::string> notes;  // defects of the data, course of the solution
+  std::string distrust;  // what speaks against the sigmas, for which the program exits with 20; empty: nothing
   Report report;
 };
 

@@ -1,4 +1,4 @@
-// `turncal diagnose`: do the data hold an effect beyond the 24 parameters, and which (docs/diagnosis.md).
+// `turncal diagnose`: finds effects beyond the 24 parameters in the data (docs/diagnosis.md).
 #pragma once
 
 #include <optional>
@@ -15,19 +15,19 @@ namespace turncal::v0 {
 
 struct DiagnoseOptions {
   std::vector<Recording> holdouts = {};  // of the same unit, not used in the fit
-  std::string time_utc = {};             // of the record; empty: now
+  std::string time_utc = {};             // for the record; empty: now
 };
 
 struct Diagnosis {
   std::string verdict;                                     // clean, extended, unexplained, noise_model, not_tested
   std::vector<std::string> effects;                        // added, strongest first
-  std::optional<Parameters> parameters;                    // with the effects; none where nothing was tested
+  std::optional<Parameters> parameters;                    // with the effects; none when nothing was tested
   std::vector<std::pair<std::string, std::string>> items;  // of diagnosis.conf (docs/report.md)
   std::string text;                                        // diagnosis.conf
   Report report;
 };
 
-// What the effects are worth in navigation is said of recordings that were loaded from a file.
+// Diagnoses recordings. The worth of the effects in navigation is reported only for recordings loaded from a file.
 TURNCAL_API Diagnosis diagnose(std::span<const Recording> recordings, const DiagnoseOptions& options = {});
 inline Diagnosis diagnose(const Recording& recording, const DiagnoseOptions& options = {}) {
   return diagnose(std::span(&recording, 1), options);

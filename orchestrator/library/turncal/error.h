@@ -1,8 +1,8 @@
-// What every function of the library throws, and how its names are exported.
+// The exception that every function of the library throws, and the export of its names.
 //
-// A call never prints and never exits; it keeps nothing from one call to the next, so that any number of threads may call at once, on the
-// same objects where these are const. Objects are cheap to copy: they share what they hold and never change it.
-// Units: SI, and where a name ends in one (_deg, _degph) that one. Arrays are x, y, z of the body frame: front, up, right.
+// A call never prints and never exits. It keeps no state between calls, so any number of threads may call at once, on the
+// same objects if these are const. Objects are cheap to copy: they share their contents and never change them.
+// Units: SI, or the unit at the end of a name (_deg, _degph). Arrays are x, y, z of the body frame: front, up, right.
 #pragma once
 
 #include <stdexcept>
@@ -12,13 +12,13 @@
 
 namespace turncal::v0 {
 
-// The values are the exit codes of the program.
+// The values are the program's exit codes.
 enum class ErrorKind {
-  input = 1,         // a file, a value or data that cannot be used
-  unit_failed = 20,  // the data cannot be believed, or leave parameters open
+  input = 1,         // an unusable file, value or data
+  unit_failed = 20,  // the data are not credible, or leave parameters undetermined
   aborted = 30,
-  device = 50,    // a disk, for one
-  internal = 70,  // a mistake of the library
+  device = 50,    // for example a disk
+  internal = 70,  // a defect of the library
   interrupted = 75
 };
 
@@ -36,7 +36,7 @@ class TURNCAL_API Error : public std::runtime_error {
 
 }  // namespace turncal::v0
 
-// Users write turncal::Error. The library does not see it so: the program has others of the same names in turncal.
+// Users write turncal::Error. The library itself does not, because the program has other types of the same names in turncal.
 #ifndef TURNCAL_LIBRARY
 namespace turncal {
 using namespace v0;

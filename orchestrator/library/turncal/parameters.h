@@ -1,4 +1,4 @@
-// The parameters of a unit, as a parameter file has them (docs/files.md), and applied to a recording.
+// The parameters of a unit, as in a parameter file (docs/files.md), and their application to a recording.
 //
 //   rate = n * gyro counts / period - N0        force = a * accelerometer counts / period - A0
 #pragma once
@@ -22,15 +22,15 @@ TURNCAL_API std::span<const std::string_view, 24> parameter_keys();
 
 class TURNCAL_API Parameters {
  public:
-  static Parameters read(const std::string& path);  // an error, too, where parameters are not determined
-  static Parameters parse(const std::string& text, const std::string& name = "parameters");  // whatever it holds
-  std::string text() const;                                                                  // of the file
+  static Parameters read(const std::string& path);  // undetermined parameters are an error, too
+  static Parameters parse(const std::string& text, const std::string& name = "parameters");  // accepts any content
+  std::string text() const;                                                                  // text of the file
   void write(const std::string& path) const;
 
   std::array<double, 24> values() const;
   std::array<double, 24> sigmas() const;  // NaN: not estimated
-  bool trusted() const;                   // false: its sigmas cannot be believed
-  // Every key of the file in its order, checksum left out: effects, too, as effect.NAME.COMPONENT (docs/diagnosis.md).
+  bool trusted() const;                   // false: its sigmas are not credible
+  // Returns every key of the file, in order, without the checksum; effects as effect.NAME.COMPONENT (docs/diagnosis.md).
   std::vector<std::pair<std::string, std::string>> items() const;
 
   struct Content;
@@ -41,8 +41,8 @@ class TURNCAL_API Parameters {
   std::shared_ptr<const Content> content_;
 };
 
-// `turncal apply`: the recording with calibrated increments, rad and m/s, effects taken off. Divided by the period they are rates and
-// specific forces. An error where the parameters are another unit's or another kind of increment's.
+// `turncal apply`: returns the recording with calibrated increments, rad and m/s, with effects subtracted. Divided by the period they are rates and
+// specific forces. An error when the parameters are of another unit or kind of increment.
 TURNCAL_API Recording apply(const Recording& recording, const Parameters& parameters);
 
 }  // namespace turncal::v0

@@ -1,4 +1,4 @@
-// `turncal predict`: what sequences would determine, and how well, before anything is run.
+// `turncal predict`: predicts what sequences would determine, and how well, before anything is run.
 #pragma once
 
 #include <array>
@@ -18,14 +18,14 @@ struct PredictOptions {
   double vrw_ug_per_rt_hz = 8.0;
   double gyro_bias_instability_degph = 0.0;
   double accel_bias_instability_ug = 0.0;
-  bool effects = false;  // in the report: the smallest that would be caught
+  bool effects = false;  // adds the smallest detectable effects to the report
 };
 
 struct SequencePrediction {
   std::string name;
-  double station_s = 0.0;          // how long it takes
-  double static_s = 0.0;           // of it at rest
-  std::array<double, 24> sigma{};  // as in the parameter file; NaN: not determined
+  double station_s = 0.0;          // duration
+  double static_s = 0.0;           // part of it at rest
+  std::array<double, 24> sigma{};  // as in the parameter file; NaN: undetermined
   std::string refused;             // why the station cannot run it; empty: it can
 };
 

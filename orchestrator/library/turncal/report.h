@@ -1,4 +1,4 @@
-// A result as people read it: what the program prints, and the page it writes.
+// A result for people: the text that the program prints, and the page that it writes.
 #pragma once
 
 #include <memory>
@@ -12,7 +12,7 @@ class TURNCAL_API Report {
  public:
   std::string text() const;  // plain ASCII, 100 columns
   std::string json() const;
-  // A page with style and plots inline. Drawn by gnuplot, which is started and gets 15 s; without it the page says so in place of each plot.
+  // Returns a page with style and plots inline. It starts gnuplot, with a limit of 15 s; without gnuplot a text replaces each plot.
   std::string html() const;
 
   struct Content;
