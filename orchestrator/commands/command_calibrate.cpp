@@ -1,6 +1,6 @@
-// `turncal calibrate`, `diagnose`, `recalibrate`, `fleet`, `allan`, `thermal`, `campaign`. Exit code 20 where results were written, and the
-// data speak against the sigmas of a calibration, a diagnosis is not clean, or a fleet shows what no unit shows by itself. recalibrate: 0
-// though some recordings failed: they are listed. A truth.conf beside the first recording is compared with the result.
+// `turncal calibrate`, `diagnose`, `recalibrate`, `fleet`, `allan`, `thermal`, `campaign`. Exit code 20 when results were written, but the
+// data speak against the sigmas of a calibration, a diagnosis is not clean, or a fleet shows an effect that no unit shows by itself. recalibrate
+// exits with 0 even if some recordings failed: they are listed. A truth.conf beside the first recording is compared with the result.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -53,7 +53,7 @@ std::optional<ParameterVector> truth_beside(const std::string& recording) {
   return truth ? std::optional(*truth) : std::nullopt;
 }
 
-// The last lines of a calibration or a diagnosis.
+// Prints the last lines of a calibration or a diagnosis.
 void say_end(const Document& report, const OutputFolder& folder, std::ostream& out) {
   out << as_brief_text(report) << "open " << folder.file(report_name) << std::endl;
 }
@@ -73,7 +73,7 @@ Status calibrate(const CalibrateOptions& options, CommandContext& context) {
       .method = options.method, .time_utc = format_utc(wall_utc_s()), .partial = options.partial || with_prior};
   CalibrationOutput output = TRY(calibrate_recordings(recordings, request));
   add_measured_utc(recordings.front().data.info, output.file);
-  std::optional<StatisticsFile> statistics;  // for the fleet: of the data alone
+  std::optional<StatisticsFile> statistics;  // for the fleet: from the data alone, without the prior
   if (const std::optional<UnitStatistics> found = statistics_of(recordings, output))
     statistics = StatisticsFile{output.file, *found};
   if (with_prior) {
@@ -178,7 +178,7 @@ struct RecalibrateOptions {
   bool no_diagnosis = false;
 };
 
-// On a terminal one line redrawn, elsewhere a line every tenth and whenever a queue has changed.
+// Prints one line, redrawn, on a terminal; elsewhere a line every tenth and whenever a queue has changed.
 class CountPrinter {
  public:
   explicit CountPrinter(CommandContext& context) : context_(context), began_s_(monotonic_s()) {}
@@ -289,7 +289,7 @@ struct AllanOptions {
   std::string out, format;
 };
 
-// An earlier result in the folder is replaced, whole.
+// Writes a result; an earlier one in the folder is replaced as a whole.
 Status write_result(const std::string& out, const AllanReport& report, const Document& document,
                     CommandContext& context) {
   OutputFolder folder = TRY(OutputFolder::prepare(out, {}));
