@@ -49,8 +49,8 @@ Status try_axes(const StationDevices& devices, const StationConfig& station, con
 // Checks the rate that an axis reports: along a move its integral must match the change of position, and the axis must report that it
 // moves. A stop is judged by both, and a dead register reads 0 on a table that turns. Plain arithmetic.
 //
-//   RateCheck check(where it stood);
-//   check.add(what was read, poll after poll);
+//   RateCheck check(status before the move);
+//   check.add(status at each poll);
 //   check.judge(axis, tolerance)
 //
 // A reading is at most as old as the previous one. An interval that may exceed a fifth of the move's time is not integrated:

@@ -20,14 +20,14 @@ constexpr std::size_t points_a_curve = 3000;
 constexpr double fit_window_s =
     120.0;  // longer dwells are cut: after minutes the angle random walk hides everything else
 
-// Of the sensor along x, y or z: its name, marker and colour.
+// Returns an empty series with the name, marker and colour of the sensor along x, y or z.
 Series axis_series(std::size_t axis) {
   constexpr std::array styles = {Series::Style::dot, Series::Style::triangle, Series::Style::square};
   constexpr std::array colours = {Colour::x, Colour::y, Colour::z};
   return {body_names[axis], styles[axis], colours[axis], {}};
 }
 
-// Runs of static seconds after one rotation (the first: before any), [first, last) in `points`.
+// Returns the runs of static seconds between rotations (the first: before any), as [first, last) in `points`.
 std::vector<std::pair<std::size_t, std::size_t>> rests(const std::vector<ResidualPoint>& points) {
   std::vector<std::pair<std::size_t, std::size_t>> result;
   for (std::size_t i = 0; i < points.size(); ++i) {
@@ -41,7 +41,7 @@ std::vector<std::pair<std::size_t, std::size_t>> rests(const std::vector<Residua
 }
 bool before_any_rotation(const ResidualPoint& point) { return point.since_rotation_s > 1e6; }
 
-// A few branches that a fault has thrown far out must not flatten all others: then the frame is three times what 97 % need.
+// Returns the limit of the frame, so that a few branches thrown far out by a fault do not flatten the others: three times what 97 % need.
 double frame_limit(const Panel& panel, bool& cut) {
   std::vector<double> sizes;
   for (const Series& series : panel.series)
@@ -61,7 +61,7 @@ constexpr std::size_t fewest_seconds = 8;
 
 double within_180(double angle_deg) { return std::remainder(angle_deg, 360.0); }
 
-// The motion between the rest that ends before block `end` and that block.
+// Adds the motion between block `end` and the rest before it.
 void add_motion(const CompressedRecording& recording, const SensorModel& model, std::size_t end, DwellResidual& dwell) {
   for (std::size_t k = std::min(end, recording.blocks.size()); k-- > 0;) {
     const Block& block = recording.blocks[k];
@@ -83,7 +83,7 @@ DwellResidual::Side fit_side(const std::vector<ResidualPoint>& points, std::size
   for (Eigen::Index i = 0; i < rows; ++i) {
     const ResidualPoint& p = points[first + std::size_t(i)];
     const double t = p.time_s - start_s;
-    shape.row(i) << 1.0, t, 0.5 * t * (t - 2.0 * middle_s);  // the slope is that of the middle
+    shape.row(i) << 1.0, t, 0.5 * t * (t - 2.0 * middle_s);  // so that the slope is that in the middle
     v.row(i) = (after ? p.velocity_after_mps : p.velocity_before_mps).transpose();
   }
   Eigen::Matrix3d fit;
@@ -103,7 +103,7 @@ constexpr double horizontal = 0.5;             // level_share above which an axi
 constexpr double real_turn_rad = 0.2;          // smaller ones are table errors
 constexpr double loaded_g = 0.3;               // specific force that shows a scale factor
 
-// Sensor axis and the axes of what it depends on, from the component's name: x, xy, x_yz; -1 where there is none.
+// Axes of sensor and causes, from the component's name: x, xy, x_yz; -1: none.
 struct ComponentAxes {
   int sensor = -1, first = -1, second = -1;
 };
@@ -118,9 +118,9 @@ ComponentAxes axes_of(std::string_view component) {
 }
 
 struct Abscissa {
-  const char* label;  // {0}: the sensor's axis, {1} and {2}: those of what it depends on
+  const char* label;  // {0}: axis of the sensor, {1} and {2}: axes of the cause
   bool angle;
-  double (*value)(const DwellResidual&, const ComponentAxes&);  // NaN: this dwell does not show it
+  double (*value)(const DwellResidual&, const ComponentAxes&);  // NaN: not shown by this dwell
 };
 constexpr Abscissa by_force = {"specific force along {1}, g", false,
                                [](const DwellResidual& d, const ComponentAxes& a) { return d.f_b_g[a.first]; }};
@@ -131,7 +131,7 @@ constexpr Abscissa by_temperature = {"temperature, °C", false,
                                      [](const DwellResidual& d, const ComponentAxes&) { return d.temperature_c; }};
 constexpr Abscissa by_time = {"time, min", false,
                               [](const DwellResidual& d, const ComponentAxes&) { return d.time_s / 60.0; }};
-constexpr Abscissa since_rotation = {"time since rotation, s", false, nullptr};  // seconds, not dwells
+constexpr Abscissa since_rotation = {"time since rotation, s", false, nullptr};  // by seconds, not by dwells
 constexpr Abscissa by_any_turn = {"turned before the dwell, °", true, [](const DwellResidual& d, const ComponentAxes&) {
                                     int axis = 0;
                                     d.turned_rad.cwiseAbs().maxCoeff(&axis);
@@ -145,12 +145,12 @@ constexpr Abscissa by_rate = {"rate about {0}, °/s", false, rate_before};
 constexpr Abscissa by_heading = {"heading, °", true,
                                  [](const DwellResidual& d, const ComponentAxes&) { return d.table_deg[0]; }};
 
-// An error of one axis, in a unit that suits the largest of all dwells.
+// The error of one axis, in a unit that suits the largest error of all dwells.
 struct Ordinate {
   const char* label;  // {0}: the axis, {1}: the unit, {2}: the axis of n
   Vector3d DwellResidual::Side::*value;
   DisplayUnit (*unit)(double largest);
-  double (*over)(const DwellResidual&, int axis);  // the value is shown over it; NaN: this dwell does not show it
+  double (*over)(const DwellResidual&, int axis);  // the shown value is divided by it; NaN: not shown by this dwell
   const char* caption;
 };
 double if_level(const DwellResidual& d, int axis) { return d.level_share[axis] < horizontal ? no_point : 1.0; }
@@ -181,11 +181,11 @@ constexpr Ordinate as_velocity = {"velocity {2}, {1}", &DwellResidual::Side::vel
                                   [](const DwellResidual&, int) { return 1.0; },
                                   "One point a dwell: the velocity that the rotation before it left behind."};
 
-// What the eye needs to see an effect: by what it acts on, and what drives it.
+// The axes that make an effect visible, by the quantity that it changes and its driver.
 struct PlotAxes {
   const Abscissa& x;
   const Ordinate& y;
-  bool all_axes = false;  // whatever the component: it acts across the axes
+  bool all_axes = false;  // for any component, because it acts across the axes
 };
 PlotAxes plot_axes_of(const EffectEntry& e) {
   const bool accel = e.sensor == Sensor::accelerometer, product = e.components.front().size() > 3;  // x_yz
@@ -225,7 +225,7 @@ void add_points(const std::vector<DwellResidual>& dwells, DwellResidual::Side Dw
   series.points = outline(series.points, markers_a_series);
 }
 
-// rms over all dwells of the residual velocity, second by second after the rotation.
+// Returns panels of the residual velocity, rms over all dwells, for each second after the rotation.
 std::vector<Panel> since_rotation_panels(const Diagnosis& diagnosis) {
   constexpr std::size_t seconds = 100;
   std::array<std::array<Vector3d, 2>, seconds> sum;
@@ -276,7 +276,7 @@ Panel dwell_panel(const std::vector<DwellResidual>& dwells, const PlotAxes& plot
   return panel;
 }
 
-// One row of up to three panels; a single one takes half of the width.
+// Arranges up to three panels in one row; a single one takes half of the width.
 void arrange(Figure& figure) {
   figure.columns = int(std::max<std::size_t>(1, figure.panels.size()));
   figure.panel_width = figure.columns < 3 ? 480 : 320;
@@ -356,7 +356,7 @@ Figure time_figure(const Diagnosis& diagnosis) {
 }
 
 void mark_steps(const CompressedRecording& recording, Figure& figure) {
-  double unit_s = 0.0;  // of the axis; stacked panels share one
+  double unit_s = 0.0;  // unit of the time axis; stacked panels share one
   for (Panel& panel : figure.panels) {
     if (panel.x_label == "time, h") unit_s = 3600.0;
     if (panel.x_label == "time, min") unit_s = 60.0;

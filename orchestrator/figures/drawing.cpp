@@ -23,7 +23,7 @@ std::vector<std::string> split_drawings(const std::string& text) {
   std::vector<std::string> drawings;
   for (std::size_t at = text.find(begin_mark); at != std::string::npos; at = text.find(begin_mark, at)) {
     const std::size_t end = text.find(end_mark, at);
-    if (end == std::string::npos) break;  // cut off
+    if (end == std::string::npos) break;  // truncated
     drawings.push_back(text.substr(at, end + end_mark.size() - at));
     at = end;
   }
@@ -35,7 +35,7 @@ void replace_all(std::string& text, std::string_view from, std::string_view to) 
     text.replace(at, from.size(), to);
 }
 
-// Takes out every stretch from `begin` to `end`, both included.
+// Removes every stretch from `begin` to `end`, both included.
 void remove_all(std::string& text, std::string_view begin, std::string_view end) {
   for (std::size_t at = text.find(begin); at != std::string::npos; at = text.find(begin, at)) {
     const std::size_t stop = text.find(end, at + begin.size());
@@ -44,8 +44,8 @@ void remove_all(std::string& text, std::string_view begin, std::string_view end)
   }
 }
 
-// gnuplot says a colour once and refers to it as currentColor, which not every program that makes a PDF understands. Its symbols with an
-// even number from 4 on are filled.
+// Replaces currentColor, by which gnuplot refers to a colour defined once, because not every program that makes a PDF understands it.
+// gnuplot's symbols with an even number from 4 on are filled.
 void name_colours(std::string& text) {
   const std::string_view mark = " color=", symbol = "gpPt";
   for (std::size_t at = text.find(mark); at != std::string::npos; at = text.find(mark, at)) {
@@ -67,14 +67,14 @@ void name_colours(std::string& text) {
     replace_all(text, reference, "");
 }
 
-// What gnuplot has a script show under the pointer becomes a title, which needs none.
+// Replaces gnuplot's scripted texts under the pointer by titles, which need no script.
 void show_titles(std::string& text) {
   replace_all(text, "<g onmousemove=\"gnuplot_svg.showHypertext(evt,'", "<g><title>");
   replace_all(text, "')\" onmouseout=\"gnuplot_svg.hideHypertext()\">", "</title>");
 }
 
-// One drawing for an HTML page: the <svg> element, ids made unique by `id`, `label` (plain text) for readers that cannot see it, `width` as
-// CSS has it ("50%").
+// Returns a drawing for an HTML page: the <svg> element with ids made unique by `id`, `label` (plain text) for readers that cannot see it,
+// and `width` as in CSS ("50%").
 std::string embeddable_svg(std::string_view svg, std::string_view id, std::string_view label, std::string_view width) {
   std::string text(svg);
   // Panels of a multiplot repeat ids, and titles would show up as tooltips with the names of data blocks.
@@ -131,10 +131,10 @@ std::string gnuplot_text(const std::string& text) {
 
 void append_data(const std::string& name, const Series& series, std::string& script) {
   script += name + " << EOD\n";
-  bool broken = true;  // a block does not begin with a break
+  bool broken = true;  // true, so that a block does not begin with a break
   for (const auto& point : series.points) {
     const bool known = is_known(point);
-    // Seven digits are more than a drawing shows.
+    // Seven digits are more than a drawing can show.
     if (known)
       fmt::format_to(std::back_inserter(script), "{:.7g} {:.7g}\n", point.first, point.second);
     else if (!broken)
@@ -144,7 +144,7 @@ void append_data(const std::string& name, const Series& series, std::string& scr
   script += "EOD\n";
 }
 
-// "SN0402: 0.0152 deg/h" or "temperature, °C: 23.4; residual, deg/h: 0.0152".
+// Returns "SN0402: 0.0152 deg/h" or "temperature, °C: 23.4; residual, deg/h: 0.0152".
 std::string tip_of(const Panel& panel, const Series& series, std::size_t k) {
   const std::string y = significant(series.points[k].second, 4, Alphabet::typographic);
   if (!series.names.empty()) return series.names[k] + ": " + y + " " + panel.y_label;
@@ -153,7 +153,7 @@ std::string tip_of(const Panel& panel, const Series& series, std::size_t k) {
   return x + panel.y_label + ": " + y;
 }
 
-// A target for the pointer over each marker; none where there are too many to point at.
+// Adds a pointer target over each marker, unless there are too many to point at.
 std::string append_tips(const Panel& panel, const std::string& id, std::string& script) {
   constexpr std::size_t most = 400;
   std::string targets;
@@ -178,7 +178,7 @@ Range range_of(const Panel& panel, bool of_x) {
   Range r{std::numeric_limits<double>::infinity(), -std::numeric_limits<double>::infinity()};
   for (const Series& series : panel.series)
     for (const auto& [x, y] : series.points) {
-      if (!std::isfinite(x) || (!of_x && !std::isfinite(y))) continue;  // a point that is not known keeps its place
+      if (!std::isfinite(x) || (!of_x && !std::isfinite(y))) continue;  // an unknown point keeps its place
       r.low = std::min(r.low, of_x ? x : y);
       r.high = std::max(r.high, of_x ? x : y);
     }
@@ -186,14 +186,14 @@ Range range_of(const Panel& panel, bool of_x) {
   return r;
 }
 
-// Room at both ends; a range of nothing gets some width.
+// Returns the range with room at both ends; an empty range gets some width.
 Range widened(Range r, double share) {
   double room = share * (r.high - r.low);
   if (!(room > 1e-12 * std::max(std::abs(r.low), std::abs(r.high)))) room = std::max(0.05 * std::abs(r.low), 1e-9);
   return {r.low - room, r.high + room};
 }
 
-// 1, 2 or 5 times a power of ten (for angles a part of the circle), such that at most `most` fit into the range.
+// Returns 1, 2 or 5 times a power of ten (for angles a part of the circle), so that at most `most` fit into the range.
 double tick_step(Range r, int most, bool angle) {
   const double least = (r.high - r.low) / most;
   if (angle)
@@ -210,14 +210,14 @@ void set_axis(const char* axis, Range r, int ticks, bool angle, std::string& scr
                         tick_step(r, ticks, angle));
 }
 
-// Whole decades around the data.
+// Sets whole decades around the data.
 void set_decades(const char* axis, Range r, std::string& script) {
   script += fmt::format("set {0}range [{1:.7g}:{2:.7g}]\nset {0}tics autofreq\n", axis,
                         std::pow(10.0, std::floor(std::log10(r.low) + 1e-9)),
                         std::pow(10.0, std::ceil(std::log10(r.high) - 1e-9)));
 }
 
-// Names that would touch the one before are left out; the line stays.
+// Adds the marks; a name that would touch the previous one is left out, its line stays.
 void append_marks(const Panel& panel, int width, std::string& script) {
   constexpr double pixels_a_name = 16.0;
   script += "unset arrow\nunset label\n";
@@ -243,7 +243,7 @@ void append_marks(const Panel& panel, int width, std::string& script) {
 }
 
 void append_panel(const Panel& panel, const std::string& id, int width, bool legend, std::string& script) {
-  const auto title_width = std::size_t(width) / 7;  // characters: none is cut by the frame
+  const auto title_width = std::size_t(width) / 7;  // characters, so that the frame cuts none
   std::string plot;
   for (std::size_t s = 0; s < panel.series.size(); ++s) {
     if (!has_points(panel.series[s])) continue;
@@ -298,7 +298,7 @@ std::vector<Drawing::Key> legend_of(const Figure& figure) {
 
 Result<std::vector<std::string>> run_gnuplot(std::string_view script, std::size_t drawings,
                                              const GnuplotOptions& options) {
-  // Its standard input it reads a byte at a time, what a command gives it as a file: a third of the time of a report.
+  // gnuplot reads its standard input byte by byte, but a command's output as a file, which makes a report much faster.
   const Result<ChildEnd> drawn =
       pipe_through("gnuplot-nox", {options.program, "-d", "-e", "load '<cat'"}, script, options.deadline_s);
   if (!drawn) return failure(drawn.error().message);

@@ -6,7 +6,7 @@
 //                                                            recording has no hash: it is tried again each time
 //
 // The folder of a recording is completed and then renamed, so that processes that are killed, or work on the same one, lose and double nothing.
-// What is there is not repeated. Chunk k of n is every n-th entry from k on: n processes, anywhere, share a list and a store.
+// Existing results are not made again. Chunk k of n is every n-th entry from k on: n processes, anywhere, share a list and a store.
 #pragma once
 
 #include <functional>

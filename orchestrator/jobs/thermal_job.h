@@ -34,7 +34,7 @@ Result<ThermalOutput> thermal_calibration(const ThermalRequest& request);
 // Calibrates one unit at several temperatures, unattended: a run in the chamber for each leg, then its parameters as functions of
 // temperature. docs/thermal.md has the keys of the campaign file, and what OUT holds.
 //
-// What is done is not repeated: after a pause, a fault or a kill the same command goes on in the interrupted leg. The station's
+// Finished legs are not repeated: after a pause, a fault or a kill the same command goes on in the interrupted leg. The station's
 // hook.switch_on switches the unit; without one the campaign pauses for it. Every leg ends with the chamber off, as any run does.
 // Not modelled: a dry run does not switch the unit, so all its legs have the same turn-on bias.
 struct CampaignLeg {

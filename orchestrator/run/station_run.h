@@ -273,7 +273,7 @@ class StationRun {
   double phase_deadline_s_ = 0.0;
   double rest_until_s_ = 0.0;
   double rest_began_s_ = 0.0;
-  double chamber_until_s_ = 0.0;  // told to go off: then the switch-off counts as not verified
+  double chamber_until_s_ = 0.0;  // deadline for the chamber to read off
   bool unread_ = false;
   bool angles_known_ = false;  // all axes were read at least once
 };

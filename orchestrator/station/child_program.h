@@ -43,7 +43,7 @@ Result<ChildEnd> pipe_through(const std::string& package, std::vector<std::strin
 
 // ---- commands of the station ----
 
-// Commands of the station, run when a unit is done, has failed its limits, or needs an operator. /bin/sh runs them; the environment tells:
+// Commands of the station, run when a unit is done, has failed its limits, or an operator is needed. /bin/sh runs them; the environment tells:
 //
 //   TURNCAL_EVENT (done, fail, needs_operator, mount, switch_on)  TURNCAL_UNIT  TURNCAL_FOLDER  TURNCAL_MESSAGE  TURNCAL_DRY_RUN (true, false)
 //   TURNCAL_OUTCOME: the unit's outcome in one word (pass, hold, fail, dropped ...; empty: it has none)
