@@ -95,7 +95,7 @@ class FeltRate {
   bool confirmed() const { return confirmed_; }
   static constexpr double largest_scale = 1.7;  // largest angle by the nominal scale per angle turned
   std::optional<double> now_degps() const;      // empty until five blocks are complete since a gap
-  // Returns by how much the rate changed more, in the turn that ended, than the allowed acceleration a permits, deg/s: the largest
+  // Returns how much more the rate changed, in the turn that ended, than the allowed acceleration a permits, deg/s: the largest
   // |w(t) - w(s)| - a (t - s). 0 while the scale is not confirmed, or when the unit did not feel the whole turn: samples lost without notice
   // look like a jump, too.
   double jump_degps() const { return jump_degps_; }
@@ -174,7 +174,7 @@ class SpeedWatch {
 };
 
 // Judges the search for zero. The angle turned counts by the rate and by the positions, whichever gives more: the position may be set anew
-// on the way, and a rate may be missing. A search goes there and back within its travel, and at most one turn beyond it.
+// on the way, and a rate may be missing. An axis may turn by twice its travel, or by its travel and one turn if that is less.
 // A drive that does not begin is reported early, not at the deadline of the whole search.
 class HomingWatch {
  public:

@@ -60,7 +60,7 @@ struct StationResults {
 
 struct ResultsView {
   std::string defect;     // why there are no results
-  std::string until_utc;  // end of the 24 hours, earlier when no attempt has ended since; a dry run has its own clock
+  std::string until_utc;  // end of the last attempt, when it is more than 24 h ago; empty: the 24 h end now
   std::vector<StationResults> stations;
 };
 

@@ -39,7 +39,7 @@ enum class TableDriver {
   manual   // turned by hand
 };
 
-// Decides when a move has arrived, when it is late, and how often the table is polled.
+// Limits that decide when a move has arrived and when it is late, and how often the table is polled.
 struct MotionConfig {
   double position_tolerance_deg = 0.01;  // abs(position - target)
   double settle_rate_degps = 0.01;       // abs(rate) below this for settle_s
@@ -50,7 +50,7 @@ struct MotionConfig {
   double deadline_margin_s = 10.0;  // deadline = angle/rate + 2 rate/acceleration + margin
 };
 
-// Decides whether a dwell counts. Stillness is judged on the means of the IMU's own rates and specific forces over consecutive windows of
+// Limits that decide whether a dwell counts. Stillness is judged on the means of the IMU's own rates and specific forces over consecutive windows of
 // stillness_window_s: their standard deviation over the dwell, and the largest deviation of one from the dwell's mean.
 // (Means, because one pulse of a laser gyro in one 5 ms sample already amounts to 0.05 deg/s.)
 struct DwellConfig {

@@ -5,7 +5,7 @@
 //
 // Values without an uncertainty (sigma itself, the residual, temperatures) are judged with w = 0. The unit's clock is judged where a live
 // run measured it. A parameter without a sigma passes conditionally at best; a missing value that has a limit fails. The unit's verdict is
-// that of its worst value, or of its diagnosis where that is worse: an effect beyond the 24 parameters holds the unit. The rule, the reason
+// that of its worst value, or of its diagnosis where that is worse: a residual beyond the 24 parameters holds the unit. The rule, the reason
 // and every judged value go into the parameter file (`verdict.*`).
 #pragma once
 
@@ -62,7 +62,7 @@ struct JudgedValue {
 // How the station judges a diagnosis: keys diagnosis.extended = pass | hold | fail, diagnosis.parameters = base | extended.
 struct DiagnosisPolicy {
   UnitVerdict extended = UnitVerdict::hold;  // verdict on a unit whose model was extended by an effect
-  bool load_extended = true;                 // put the parameter file with the effects in use
+  bool load_extended = true;                 // its parameter file is the one with the effects
 };
 DiagnosisPolicy read_diagnosis_policy(KeyValueFile& file);
 

@@ -97,7 +97,7 @@ std::string in_tone(std::ostream& out, Tone tone, std::string_view text);  // in
 
 // Tells systemd, or whoever set NOTIFY_SOCKET (sd_notify(3)), about a run; without that variable it does nothing. It reports where the run is, and
 // every second, while the table may move, that the loop goes on: systemd ends a run that is stuck for watch_s
-// (docs/getting-started.md). Nothing is reported while the table rests with its drives off, because an estimate may take minutes.
+// (docs/getting-started.md). Nothing is watched while the table rests with its drives off, because an estimate may take minutes.
 class ServiceWatch : public RunObserver {
  public:
   static constexpr int watch_s = 30;

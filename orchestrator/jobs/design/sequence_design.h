@@ -1,4 +1,4 @@
-// Searches the sequence for a purpose: the walk within a given time with the best predicted sigmas, relative to their aims.
+// Searches for the best sequence for a purpose: the walk, within a given time, with the least predicted sigmas relative to their aims.
 //
 //   cost(walk) = mean over the parameters of ln(sigma / aim)  +  60 max(0, ln(sigma / aim))     (AimAt::mean)
 //              = the largest ln(sigma / aim)                                                    (AimAt::worst)
@@ -67,7 +67,7 @@ struct Design {
   double start_cost = 0.0;
 };
 
-// Searches a walk. Errors (input): not even a rest fits into the time; no axis may turn. progress is called from time to time and ends the
+// Searches for the best walk. Errors (input): not even a rest fits into the time; no axis may turn. progress is called from time to time and ends the
 // search by returning false.
 Result<Design> design_walk(const DesignTask& task, const std::function<bool(const DesignProgress&)>& progress);
 
