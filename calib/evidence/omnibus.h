@@ -1,9 +1,9 @@
-// Is anything left that no term explains? Tests that name nothing: each piece of rest and each turn against the most probable model, and
-// the innovations of every second.
+// Omnibus tests: is anything left that no term explains? They name nothing. Each piece of rest and each turn is tested
+// against the most probable model, and so are the innovations of every second.
 //   turn         a jump of attitude and velocity at a turn (chi2, 6), the worst
 //   rest         a bias within a piece of rest (chi2, 6), the worst
-//   innovations  their correlation over 6 to 30 s, seconds in which pulses beat set aside
-// Each gets an equal share of a family-wise probability (Bonferroni).
+//   innovations  their autocorrelation over 6 to 30 s, without the seconds in which pulses beat
+// The tests share a family-wise probability equally (Bonferroni).
 #pragma once
 
 #include <string>
@@ -23,27 +23,27 @@ struct OmnibusTest {
   std::string what;    // "jump at the turn that ends at 1234 s (step 4)"
   double chi_square = 0.0;
   double degrees = 0.0;
-  double tries = 1.0;    // of which this is the worst
+  double tries = 1.0;    // number of tests of which this is the worst
   double log10_p = 0.0;  // of chi_square, times tries
 };
 struct Omnibus {
   std::vector<OmnibusTest> tests;
-  // Of the innovations on body axes, seconds in which pulses beat set aside: the largest correlation over 1 to 5 s, and the mean square;
-  // negative: too few to say. And the part that was set aside.
+  // Innovations on body axes, without the seconds in which pulses beat: their largest autocorrelation over 1 to 5 s and
+  // their mean square (negative: too few to tell), and the part left out.
   double innovation_correlation = -1.0, innovation_level = -1.0, beating_part = 0.0;
   const OmnibusTest* worst() const;  // null: nothing could be tested
   double log10_limit() const;
   bool passed() const { return worst() == nullptr || worst()->log10_p > log10_limit(); }
 };
 
-// Of one that has not passed: its worst test.
+// Returns the worst test in words; the omnibus must have failed.
 std::string reason_of(const Omnibus& omnibus);
 void add_test(OmnibusTest test, Omnibus& result);
 void test_pieces(const CompressedRecording& recording, const Pieces& pieces, const UnderNoise& system,
                  const WeighedModel& model, Omnibus& result);
 void test_innovations(const CompressedRecording& recording, const JointResult& fit, Omnibus& result);
 
-// chi2 and rank of s' Q^-1 s on the directions that hold more than `floor` of what they had before the parameters were eliminated.
+// chi2 and rank of s' Q^-1 s over the directions that keep more than `floor` of their information when the parameters are eliminated.
 struct RankedChiSquare {
   double chi_square = 0.0;
   int rank = 0;

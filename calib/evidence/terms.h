@@ -1,15 +1,15 @@
 // Everything that may be missing from the model, as one table of terms.
 //
-// A term is one thing: a sensor's quantity, what drives it, and its shape. Its columns are B = basis L, its coefficients z ~ N(0, v 1) with a
+// A term is a quantity of a sensor, what drives it, and its shape. Its columns are B = basis L, its coefficients z ~ N(0, v 1), with a
 // prior over the size sqrt(v). A basis is a set of functions on the cells (piece_system.h); terms that share one differ in L alone.
-//   effect    a component of the catalogue (effects.h), each with every time constant; or a row of components of one sensor
-//   pattern   a quantity of a sensor times a function that has no formula: harmonics 1 to 4 of a table angle (size 1/h), three waves of a
-//             component of force or rate, decays after a turn, another value while it turns each time; or any function that is constant over
-//             an epoch, z = L'' z'' with L'' L''' a kernel: another value each (whatever drives it), a walk, smooth in time or temperature, one
-//             step, another value after each turn, a walk from turn to turn
-//   noise     a wander of the three biases of a kind: it widens sigmas and is no missing effect
-// Sizes: a grid of about a factor of three; of effects 2 to 1000 of their own sigma, capped at what no sensor has; of patterns and noise
-// half-Cauchy about what data sheets give for that quantity and grade.
+//   effect    a component of the catalogue (effects.h), at each of its time constants; or all components of one sensor together
+//   pattern   a quantity of a sensor times a function without a formula: harmonics 1 to 4 of a table angle (size 1/h), three waves of a
+//             component of force or rate, decays after a turn, a value of its own in each turn; or any function constant over an epoch,
+//             z = L'' z'' with L'' L''' a kernel: an independent value in each (driver unknown), a random walk, smooth in time or in
+//             temperature, one step, an independent value after each turn, a walk from turn to turn
+//   noise     a wander of the three biases of a triad: it widens sigmas and does not count as a missing effect
+// The grid of sizes has steps of about a factor of three: for effects 2 to 1000 of their own sigma, capped at what no sensor exceeds; for
+// patterns and noise with a half-Cauchy prior about the data-sheet value of that quantity and grade.
 #pragma once
 
 #include <memory>
@@ -21,52 +21,52 @@
 
 namespace turncal {
 
-// A size that many columns show is known well: of more than these the grid of sizes is finer.
+// The data determine a size well when many columns share it: a term with more columns than this has a finer grid of sizes.
 inline constexpr Eigen::Index few_columns = 12;
 
 enum class TermKind { effect, pattern, noise };
 
 struct Term {
   TermKind kind = TermKind::pattern;
-  Statement what;  // its node; of noise: empty but for the sensor
+  Statement what;  // its node in the tree of statements; noise: the sensor alone
   std::size_t basis = 0;
   Eigen::MatrixXd L;
-  double scale = 0.0;                   // L = scale 1; 0: it is another
-  Eigen::VectorXd variance, log_prior;  // of each size
-  int stride = 1;                       // every so many of them make a coarse grid
-  bool about_mean = true;               // what biases and matrices take up of it over the recording is theirs
-  std::vector<int> columns;             // of an effect: in TermTable::effects
-  int unit = -1;                        // the basis that is one usual unit of its quantity in each epoch; -1: none
+  double scale = 0.0;                   // L = scale 1; 0: another L
+  Eigen::VectorXd variance, log_prior;  // one per size
+  int stride = 1;                       // the coarse grid takes every so many sizes
+  bool about_mean = true;               // its part that biases and matrices absorb over the recording counts as theirs
+  std::vector<int> columns;             // effect: its columns in TermTable::effects
+  int unit = -1;                        // basis with one usual unit of the quantity in each epoch; -1: none
 };
 
 struct TermTable {
   std::vector<EffectColumn> effects;
   std::vector<Weights> bases;
   std::vector<Eigen::MatrixXd>
-      taken_up;  // of each basis: what of a column biases and matrices take up, parameters x columns
+      taken_up;  // by basis: what biases and matrices absorb of each column, parameters x columns
   std::vector<Term> terms;
-  std::vector<std::size_t> basis_of_effect;  // of each of `effects`, and its column there
+  std::vector<std::size_t> basis_of_effect;  // basis of each of `effects`; and its column there
   std::vector<int> column_of_effect;
 };
 
-// The system at one noise model, and what it says of the bases of the terms; a prior of equal odds is between several of them.
+// The system at one noise model and its blocks for the bases of the terms.
 struct UnderNoise {
   const PieceSystem* system = nullptr;
-  std::shared_ptr<const TermTable> table;  // may be shared by several
-  std::vector<PieceSystem::Block> blocks;  // of each basis
-  Statement what = {};                     // what this noise itself says is missing; no sensor: nothing
+  std::shared_ptr<const TermTable> table;  // may be shared between noise models
+  std::vector<PieceSystem::Block> blocks;  // one per basis
+  Statement what = {};                     // the defect that this noise model stands for; no sensor: none
   double log_prior = 0.0;
 };
 
 std::string sensor_name(Sensor sensor, int axis);  // "gyro x"; axis -1: "gyro"
 
-// Does the recording tell this effect (of TermTable::effects) from the parameters?
+// Can the recording separate this effect (index into TermTable::effects) from the parameters?
 bool is_seen(const UnderNoise& under, std::size_t effect);
 
-// Of a cell, what one unit of each effect adds: to the readings of gyros and accelerometers, and in a turn to psi and v by its end. And how much
-// more, by each of the readings itself.
+// Rows of a cell, by effect: what one unit adds to the six readings; in a turn, what it adds to psi and v by the end of
+// the turn; and the derivatives of the first six by the readings themselves.
 using Readings = Eigen::Matrix<double, 18, Eigen::Dynamic>;
-// `fit`: of the parameters `columns` of [24, effects].
+// Builds the terms. `fit`: the parameters, of which `columns` of [24, effects] were estimated.
 UnderNoise make_terms(const PieceSystem& system, const Pieces& pieces, const std::vector<EffectColumn>& effects,
                       const std::vector<Readings>& readings, const NoiseModel& noise, const Parameters& fit,
                       const std::vector<int>& columns);
