@@ -14,7 +14,7 @@
 namespace turncal {
 namespace {
 
-// Are all parameters determined that are estimated at all?
+// Are all free parameters determined?
 bool whole(const JointResult& fit) {
   for (std::size_t k = 0; k < parameter_count; ++k)
     if (parameter_is_free[k] && !fit.determined[k]) return false;
@@ -25,7 +25,7 @@ bool noise_is_of_pulses(const Omnibus& omnibus) {
   return omnibus.innovation_correlation < 0.0 && omnibus.beating_part > 0.5;
 }
 
-// Log evidence that fits which cut velocity steps out lack: a knock at one of so many turns, of any size up to what it was, in three directions.
+// Log prior of the velocity steps that a fit has cut out: a knock at one turn in so many, of any size up to its own, in three directions.
 constexpr double turns_without_knock = 500.0;
 double of_knocks(const JointResult& fit) {
   double sum = 0.0;
@@ -37,7 +37,7 @@ std::ptrdiff_t knocks_of(const JointResult& fit) {
   return std::ranges::count_if(fit.faults, [](const Fault& fault) { return fault.step_mps > 0.0; });
 }
 
-// Empty where the innovations are about white, or are those of pulses and no larger than pulses make them.
+// Returns how the innovations contradict the noise model; empty: they are nearly white, or those of pulses and no larger than pulses make.
 std::string misfit_of_noise(const JointResult& fit, const Omnibus& omnibus) {
   const Whiteness& whiteness = fit.whiteness;
   const bool of_pulses = noise_is_of_pulses(omnibus);
@@ -94,7 +94,7 @@ void collect_residuals(const CompressedRecording& recording, Diagnosis& d) {
   }
 }
 
-// No effect is looked for where they are of two units: what `turncal calibrate` writes of them is handed out.
+// Recordings that contradict each other are not searched for effects: the result is what `turncal calibrate` writes for them.
 void say_contradiction(const SeveralRecordings& apart, Diagnosis& d) {
   d.base = apart.unit;
   withdraw(
@@ -109,7 +109,7 @@ void say_contradiction(const SeveralRecordings& apart, Diagnosis& d) {
 }  // namespace
 
 std::vector<EffectColumn> named_columns(const Evidence& e) {
-  // A formula that is said is fitted though something else seems to be missing: the noise of a fit without it is not that of one with it.
+  // A formula that is said is fitted even if something else seems to be missing: without it the fitted noise is wrong.
   const bool said = std::ranges::any_of(
       e.statements.nodes, [](const auto& node) { return !node.formula.empty() && node.probability >= said_from; });
   if (e.statements.anything < said_from || !(said || e.named.probability >= carried_by_names)) return {};
@@ -148,7 +148,7 @@ void list_candidates(const Evidence& e, double duration_s, Diagnosis& d) {
       c.detectable = SelectionLimits{}.caught_at * c.sigma;
       c.visible = c.detectable <= absurd_magnitude(*column.entry, duration_s);
     }
-    // Of variants with different time constants the best one stands for the component.
+    // The best of the variants with different time constants stands for the component.
     const auto known =
         std::ranges::find_if(d.candidates, [&](const CandidateScore& o) { return o.column.key() == column.key(); });
     if (known == d.candidates.end())
@@ -199,7 +199,7 @@ class Diagnosing {
                             JointResult again = fit_with(more, d_.base);
                             if (!again.converged || (whole(d_.base) && !whole(again))) return false;
                             fit = std::move(again);
-                            evidence = {};  // one at a time in memory
+                            evidence = {};  // only one in memory at a time
                             evidence = weigh(fit);
                             return true;
                           }).empty();
@@ -236,7 +236,7 @@ class Diagnosing {
     return true;
   }
 
-  // Steps at several turns may be what an effect does that shows there alone: it is weighed with them left in.
+  // Steps at several turns may come from an effect that shows there alone, so the evidence is also weighed with the steps left in.
   void weigh_without_knocks(Evidence& evidence) {
     JointOptions o = estimate_options({}, nullptr);
     o.look_for_faults = false;
@@ -246,7 +246,7 @@ class Diagnosing {
     Evidence other = weigh(left_in);
     double log_evidence = other.posterior.log_evidence;
     if (const std::vector<EffectColumn> named = named_columns(other); !named.empty()) {
-      const JointResult by_name = fit_with(named, left_in);  // with the noise that is left beside it
+      const JointResult by_name = fit_with(named, left_in);  // with the noise that the effects leave
       if (!by_name.converged) return;
       log_evidence = weigh(by_name).posterior.log_evidence;
     }
@@ -259,7 +259,7 @@ class Diagnosing {
     return weigh_evidence(recording_, fit, int(recordings_.parts.size()), options_.holdouts);
   }
 
-  // Of `effects` beside those of turn-on; values of the latter begin where `from` has them.
+  // Returns options for a fit of `effects` beside the turn-on columns, whose values start where `from` has them.
   JointOptions estimate_options(const std::vector<EffectColumn>& effects, const JointResult* from) const {
     JointOptions o = options_.estimate;
     o.effects = recordings_.turn_ons;
@@ -285,7 +285,7 @@ class Diagnosing {
     d_.omnibus = e.omnibus;
     test_innovations(recording_, fit, d_.omnibus);
     const std::string misfit = misfit_of_noise(fit, d_.omnibus);
-    // What is missing and is not in the fit makes a fitted noise too large, and correlated: then it is said.
+    // A missing effect inflates and correlates the fitted noise; then the effect is reported and not the noise.
     if (!misfit.empty() && (options_.estimate.noise || e.statements.anything < said_from)) {
       d_.verdict = Verdict::noise_model;
       d_.why_not_trusted = d_.reason =
@@ -300,7 +300,7 @@ class Diagnosing {
       d_.verdict = Verdict::unexplained;
       d_.reason = reason_of(d_.omnibus);
       d_.unexplained_pattern = d_.omnibus.worst()->what;
-      d_.statements.nodes.clear();  // probabilities are of the terms that there are, and there is something else
+      d_.statements.nodes.clear();  // probabilities cover the known terms, and something else is missing
     }
     d_.why_not_trusted = d_.verdict == Verdict::unexplained ? d_.reason : "";
     d_.extended = by_name ? fit : d_.base;
@@ -313,7 +313,7 @@ class Diagnosing {
     d_.reason = d_.why_not_trusted;
   }
 
-  // The averages, about `fit`, in the place of the extended model's own. What is not determined stays as it is.
+  // Replaces the values of the extended model by the averages about `fit`, unless a direction is undetermined.
   void hand_out(const Evidence& e, bool by_name, const JointResult& fit) {
     if (e.at_each_noise.empty()) return;
     const AveragedEstimate average =
@@ -322,7 +322,7 @@ class Diagnosing {
     const ParameterVector about = to_vector(fit.parameters);
     ParameterVector values = to_vector(r.parameters);
     if (r.free.size() != std::size_t(average.shift.size()) || !r.undetermined.empty()) return;
-    std::vector<Eigen::Index> place;  // of r.free in the average
+    std::vector<Eigen::Index> place;  // place of each r.free in the average
     const auto p = Eigen::Index(e.columns.size());
     for (const int column : r.free) {
       place.push_back(std::ranges::find(e.columns, column) - e.columns.begin());
@@ -389,7 +389,7 @@ class Diagnosing {
     withdraw("the error on held-out data is larger than noise and the sigmas explain", d_);
   }
 
-  // A latitude that is far off goes into the noise, and the gyros' biases stay open; or it is a rate of the earth that is another.
+  // A stated latitude that is far off inflates the noise and leaves the gyro biases open, or it shows as the effect earth_rate.
   void look_at_latitude() {
     const bool of_latitude = (!d_.trusted() && !d_.base.undetermined.empty()) ||
                              std::ranges::find(d_.effect_names, "earth_rate") != d_.effect_names.end();

@@ -10,7 +10,7 @@
 namespace turncal {
 namespace {
 
-// By how much more an effect adds to a reading where that reading is larger.
+// Sets the derivatives of an effect's readings by those same readings.
 void set_slopes(const EffectModel& effects, const BlockState& at, Readings& readings) {
   constexpr double rate_radps = 1e-4, force_mps2 = 1e-2;
   EffectRegressors here(effects.columns), beside(effects.columns);
@@ -86,7 +86,7 @@ void put_back(const Values& effects, const std::vector<Values>& held_out, const 
     const auto at = std::size_t(found - table.effects.begin());
     const Weights& basis = table.bases[table.basis_of_effect[at]];
     for (std::size_t i = 0; i < basis.rows_of(x.size()); ++i) {
-      const auto recording = std::size_t(basis.first[i] / basis.mine);  // from 1 on: one that is held out
+      const auto recording = std::size_t(basis.first[i] / basis.mine);  // from 1 on: a held-out one
       const double value = recording == 0 ? effect.value : held_out[recording - 1][e].value;
       x[basis.rows[i]] += value * basis.of()(table.column_of_effect[at], Eigen::Index(i));
     }
@@ -114,7 +114,7 @@ PiecewiseView view_in_pieces(const CompressedRecording& recording, const JointRe
   for (const int column : fit.free)
     if (column < parameter_count || is_turn_on(fit.effects[std::size_t(column - parameter_count)].column))
       view.columns.push_back(column);
-  // The pass tells the state of every block: one column more, that is nothing, looks on.
+  // One more column of zeros, whose regressors record the state of every block.
   EffectModel of_fit = effect_model_of(fit, recording.info.latitude_deg), looks_on = of_fit;
   ++looks_on.columns;
   looks_on.values.conservativeResize(looks_on.columns);
@@ -128,13 +128,13 @@ PiecewiseView view_in_pieces(const CompressedRecording& recording, const JointRe
     out.accel.leftCols(of_fit.columns) = inner.accel;
   };
   FilterResult pass = run_filter(view.recording, fit.parameters, looks_on, setup);
-  for (const int c : view.columns)  // what the recording leaves open is within its plausible range
+  for (const int c : view.columns)  // prior for what the recording leaves open
     if (c < fit.ranges.size()) pass.information(c, c) += 1.0 / (fit.ranges[c] * fit.ranges[c]);
   if (pass.steps.empty()) return view;
   // Before the first rest nothing is navigated.
   view.states.insert(view.states.begin(), pass.steps.front().block, BlockState{});
   view.states.resize(view.recording.blocks.size());
-  // At rest the unit turns with the earth: what the gyros measure has noise, which the velocities to be explained share.
+  // At rest w_b is the Earth's rate: the noise of a measured rate is also in the velocities to be explained.
   const Eigen::Vector3d earth = earth_rate_n(recording.info.latitude_deg);
   for (const FilterStep& step : pass.steps)
     if (step.observed) view.states[step.block].w_b = view.states[step.block].C_nb.transpose() * earth;
@@ -187,15 +187,15 @@ Values without_turn_ons(Values effects) {
   return effects;
 }
 
-// The recording of the fit, and behind it those that are held out.
+// The recording of the fit, followed by the held-out ones.
 struct Together {
   PieceSystem system;
   Pieces pieces;
   std::vector<Readings> readings;  // of the catalogue
-  std::vector<Values> taken_off;   // of each that is held out
+  std::vector<Values> taken_off;   // values in each held-out recording
 };
 
-// The blocks of the averages: without what is held out.
+// Computes the blocks that the averages need from the fitted data alone.
 void of_the_fit_alone(Evidence& e) {
   for (std::size_t n = 0; n < e.at_each_noise.size(); ++n) {
     UnderNoise& under = e.at_each_noise[n];
@@ -212,7 +212,7 @@ void of_the_fit_alone(Evidence& e) {
 
 Evidence weigh_evidence(const CompressedRecording& recording, const JointResult& fit, int recordings,
                         const std::vector<const CompressedRecording*>& held_out, bool something) {
-  const Values taken_off = without_turn_ons(fit.effects);  // those of turn-on stay in the model
+  const Values taken_off = without_turn_ons(fit.effects);  // turn-on columns stay in the model
   const bool finer = something || !taken_off.empty();
   const auto effects = columns_beside(taken_off, catalogue_columns(recording.info, recordings), finer);
   const auto readings = [&](const PiecewiseView& view) {
@@ -274,7 +274,7 @@ Evidence weigh_evidence(const CompressedRecording& recording, const JointResult&
   }
   conclude(posterior_of(models), taken_off, result);
   if (!finer && result.statements.anything >= said_from && result.named.probability < carried_by_names)
-    return result = {}, weigh_evidence(recording, fit, recordings, held_out, true);  // one at a time in memory
+    return result = {}, weigh_evidence(recording, fit, recordings, held_out, true);  // only one in memory at a time
   if (!held_out.empty()) of_the_fit_alone(result);
   const WeighedModel& best = result.posterior.models.front();
   const PiecewiseView& view = result.views[best.noise];
@@ -283,7 +283,7 @@ Evidence weigh_evidence(const CompressedRecording& recording, const JointResult&
 }
 
 std::string what_speaks_against(const CompressedRecording& recording, const JointResult& estimate) {
-  JointResult fit = estimate;  // a parameter that it does not tell is held where it is: it may be known from elsewhere
+  JointResult fit = estimate;  // undetermined parameters are held fixed: they may be known from elsewhere
   std::erase_if(fit.free, [&](int c) { return c < parameter_count && !estimate.determined[c]; });
   Evidence evidence = weigh_evidence(recording, fit);
   if (evidence.statements.anything >= said_from) return reason_of(evidence.statements);
@@ -297,7 +297,7 @@ std::string what_speaks_against(const CompressedRecording& recording, const Join
 
 namespace {
 
-// Of the biases within a rest (`first` = 0) or the jumps at turns (6).
+// Tests the biases within a rest (`first` = 0) or the jumps at turns (6).
 bool stands_out(const PiecewiseView& view, Eigen::Index first, bool turns_only) {
   const std::vector<Piece>& pieces = view.pieces.pieces;
   double others = 0.0;

@@ -18,13 +18,13 @@ Eigen::Vector2d rate_at(double latitude_rad) {
   return earth_rate_radps / radps_per_degph * Eigen::Vector2d(std::cos(latitude_rad), std::sin(latitude_rad));
 }
 
-// The earth's rate north and up, deg/h, and its information.
+// The estimated rate of the Earth, north and up, deg/h, and its information.
 struct FeltRate {
   Eigen::Vector2d rate;
   Eigen::Matrix2d information;
 };
 
-// With the earth's rate among the unknowns, from that of a latitude that may be far off. It is found from 15 deg off, not always from 40.
+// Estimates the Earth's rate among the unknowns, from one latitude after another: the fit converges from 15 deg off, not always from 40.
 std::optional<FeltRate> with_free_rate(CompressedRecording recording) {
   JointOptions free;
   free.effects = latitude_columns();
@@ -39,7 +39,7 @@ std::optional<FeltRate> with_free_rate(CompressedRecording recording) {
   return {};
 }
 
-// Variance of the gyros' biases, over what it is at the fitted noise: at least 1.
+// Returns the variance of the gyro biases over that at the fitted noise, the largest ratio: at least 1.
 double widened_by_unseen_instability(const JointResult& fit) {
   double most = 1.0;
   for (std::size_t i = 0; i < fit.free.size(); ++i) {
@@ -87,7 +87,7 @@ std::optional<FeltLatitude> felt_latitude(const CompressedRecording& recording, 
 }
 
 std::string wrong_latitude(const CompressedRecording& recording, const JointResult& fit) {
-  // Where gyros are connected otherwise nothing settles, and a rate of the earth of its own costs a fit more.
+  // With gyros connected to other axes nothing converges, and a fit with a free Earth's rate would be wasted.
   if (!fit.converged && !wrong_table_axes(recording, fit.setup.mounting).empty()) return "";
   const std::optional<FeltLatitude> felt = felt_latitude(recording, fit);
   const double stated_deg = recording.info.latitude_deg;

@@ -13,14 +13,14 @@ namespace turncal {
 namespace {
 
 constexpr int fold_count = 4;
-constexpr double near_enough = 10.0;  // what chi2 has still fallen by when the problem was linear
+constexpr double near_enough = 10.0;  // fall of chi2 below which the passes have converged
 
 struct Sums {
   HoldoutError error;
   double velocity_square = 0.0;
   double velocity_count = 0.0;
 };
-// `says_nothing`: the model is open there, and its innovations are not counted.
+// `says_nothing`: the model leaves parameters open there, so its innovations are not counted.
 void add(const CompressedRecording& recording, const std::vector<Innovation>& innovations, bool says_nothing,
          Sums& sums) {
   std::vector<Eigen::Vector3d>& normalised = sums.error.normalised;
@@ -39,7 +39,7 @@ void add(const CompressedRecording& recording, const std::vector<Innovation>& in
   }
 }
 
-// What a recording has for itself: its biases, and what goes with the time of one run.
+// Returns the columns that a recording has for itself: its biases, and effects of one run.
 std::vector<int> own_columns(const JointResult& result) {
   std::vector<int> own = {0, 1, 2, 3, 4, 5};
   for (std::size_t k = 0; k < result.effects.size(); ++k)
@@ -47,7 +47,7 @@ std::vector<int> own_columns(const JointResult& result) {
   return own;
 }
 
-// Directions that are open in a fit of the other recordings, and need not be known: what is of this one alone.
+// Returns how many directions may stay open in a fit of the other recordings: those of this one alone.
 std::size_t open_without(int recording, const JointResult& result) {
   const auto own = std::ranges::count_if(result.effects, [&](const EstimatedEffect& e) {
     return !is_turn_on(e.column) && e.column.recording == recording;
@@ -117,7 +117,7 @@ JointResult model_on_holdout(const CompressedRecording& holdout, const JointResu
         model.effects[std::size_t(own[i] - parameter_count)].value += by;
     }
     model.parameters = from_vector(values);
-    // Attitude is linear in the heading to its square: an angular minute of the first look would already show at the turns.
+    // The linearisation error of the attitude is the square of the heading error: a first error of one arc minute would already show at the turns.
     const double turned = correct_headings(pass, step, own, model.start, setup.headings_rad);
     const double fall = -step.dot(pass.gradient(own));
     if (fall < near_enough && turned < 1.0) break;
@@ -170,7 +170,7 @@ HoldoutGate HoldoutGate::dwells_in_turn(const CompressedRecording& recording, Re
   gate.parts_.assign(fold_count, {&recording, std::vector<char>(recording.blocks.size(), 0)});
   for (std::size_t b = 0; b < recording.blocks.size(); ++b) {
     const int segment = recording.blocks[b].segment;
-    // Alignments stay: they carry the chain. Every fourth dwell is left out of one fold.
+    // Alignments stay in, since they carry the chain. Each fold leaves out every fourth dwell.
     if (recording.segments[segment].kind != SegmentKind::still) continue;
     int dwell = 0;
     for (int k = 0; k < segment; ++k) dwell += recording.segments[k].kind == SegmentKind::still;

@@ -20,11 +20,11 @@ using Eigen::Vector3d;
 using Eigen::VectorXd;
 
 constexpr LackOfFitLimits limits;
-// The pulses of an accelerometer beat for seconds: over fewer they look like a bias.
+// The pulses of an accelerometer beat for seconds: in a shorter piece that looks like a bias.
 constexpr double shortest_tested_s = 20.0;
 
-// Is the variance of the mean velocity by the beat of an accelerometer's pulses above `limit`? A count close to p / q of a pulse a sample
-// leaves a sawtooth of 1 / q of a pulse that lasts for seconds; a twelfth of its square is the most that it can be.
+// Does the beat of an accelerometer's pulses exceed `limit` in the variance of the mean velocity? A count close to p / q of a
+// pulse per sample leaves a sawtooth of 1 / q of a pulse that lasts for seconds; its variance is at most a twelfth of its square.
 bool beats(double counts, int samples, double pulse, double limit) {
   constexpr int finest = 16;
   for (int q = 1; q <= finest && std::pow(pulse / q, 2) > 12.0 * limit; ++q)
@@ -147,7 +147,7 @@ void test_innovations(const CompressedRecording& recording, const JointResult& f
     }
   square /= std::max(1.0, taking_part);
   if (!u.empty()) result.beating_part = 1.0 - taking_part / (3.0 * double(u.size()));
-  // Fewer pairs reach the limit of the correlation by chance.
+  // With fewer pairs chance alone reaches the limit of the correlation.
   const double enough = std::pow(noise_limits.of_chance / noise_limits.correlation, 2);
   if (taking_part > enough) result.innovation_level = quiet_square / taking_part;
   for (int k = 0; k < limits.near_lags_s; ++k)

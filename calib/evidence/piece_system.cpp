@@ -13,11 +13,11 @@ namespace {
 using Eigen::Matrix3d;
 using Eigen::Vector3d;
 
-// What a cell has the mean of, over its blocks.
+// The fields of BlockState that a cell averages over its blocks.
 constexpr std::array mean_vectors = {&BlockState::f_b, &BlockState::w_b, &BlockState::w_dot_b, &BlockState::table_rad};
 constexpr std::array mean_numbers = {&BlockState::time_s, &BlockState::since_rotation_s, &BlockState::temperature_c};
 
-// Sums over their lengths; divided at its end.
+// Adds a block to the sums of a cell, weighted by its length; divide() turns them into means.
 void add(const BlockState& s, ErrorCell& cell) {
   const bool first = cell.at.duration_s == 0.0;
   if (first) cell.at = s;
@@ -33,7 +33,7 @@ void divide(ErrorCell& cell) {
   for (const auto m : mean_numbers) cell.at.*m /= t;
 }
 
-// In a turn the table's angles have come as far as the unit has turned half way through the block.
+// Sets the table angles of the blocks in turns, interpolated by the rotation up to the middle of the block.
 void set_table_angles(const CompressedRecording& recording, const std::vector<FilterStep>& steps,
                       std::vector<BlockState>& states) {
   std::vector<double> whole(recording.segments.size(), 1e-9);
@@ -48,10 +48,10 @@ void set_table_angles(const CompressedRecording& recording, const std::vector<Fi
   }
 }
 
-// Of the blocks before the step `end`, back to the rest before it. What came early tilts gravity until the turn ends.
+// Sets the jumps of the blocks before step `end`, back to the previous rest. An early error tilts gravity until the turn ends.
 void set_jumps(const CompressedRecording& recording, const std::vector<FilterStep>& steps, std::size_t end,
                std::vector<JumpByReadings>& jump_of_block) {
-  JumpByReadings onward = JumpByReadings::Identity();  // of psi and v from behind a block
+  JumpByReadings onward = JumpByReadings::Identity();  // transition of psi and v from the end of a block
   for (std::size_t k = end; k-- > 0 && !steps[k].observed;) {
     const FilterStep& step = steps[k];
     jump_of_block[step.block] = onward * step.jump;
@@ -175,7 +175,7 @@ Pieces cut_into_pieces(const CompressedRecording& recording, const std::vector<F
   return result;
 }
 
-// ---- their equations ----
+// ---- the equations of the pieces ----
 
 namespace {
 
@@ -185,7 +185,7 @@ using Eigen::VectorXd;
 using Columns = Eigen::Matrix<double, Eigen::Dynamic, 3>;
 using Vector6 = Eigen::Matrix<double, 6, 1>;
 
-constexpr double rounding = 1e-9;  // of what the parameters leave of a column
+constexpr double rounding = 1e-9;  // part of a column's information before elimination
 
 double log_determinant(const MatrixXd& A) {
   double log_det = 0.0;
@@ -193,10 +193,10 @@ double log_determinant(const MatrixXd& A) {
   return log_det;
 }
 
-// One step of the filter run backward on matrices that have a column for each of
-//   psi, v (n frame), with bias instability b_g, b_a, and then the biases of gyros and accelerometers within the piece of rest at hand.
-// With Phi what the step does to those and nu's derivative H by them (joint_filter.h), the closed-loop transition is L = Phi - K H.
-// Phi is an identity but for a few 3x3 blocks, and K has three columns, so M L costs a tenth of the product of full matrices.
+// One step of the filter run backward, applied to matrices whose columns are
+//   psi, v (n frame), with bias instability b_g, b_a, and then the gyro and accelerometer biases within the current piece of rest.
+// With Phi the transition of these and H the derivatives of nu by them (joint_filter.h), the closed-loop transition is L = Phi - K H. Phi
+// is an identity but for a few 3x3 blocks, and K has three columns, so M L costs a tenth of the product of full matrices.
 class BackwardStep {
  public:
   // `states`: 6 or 12. `t`: length of the step's block. `in_piece`: it is rest, so the piece's biases act.
@@ -220,7 +220,7 @@ class BackwardStep {
       H_.middleCols<3>(at + 3) = by_accel;
     }
   }
-  // M <- M L, and with the step not observed M Phi
+  // M <- M L; M Phi if the step is not observed
   void apply(MatrixXd& M) const {
     const Columns psi = M.leftCols<3>(), v = M.middleCols<3>(3);
     Columns by_gain;
@@ -251,8 +251,8 @@ class BackwardStep {
     }
   }
   const Eigen::Matrix<double, 3, Eigen::Dynamic>& H() const { return H_; }
-  // Of an observed one of length t, by that on the state at its end: the information on the walks of its readings, times their variances per
-  // unit. A walk has a mean over the step, and departs from it (StepNoise, linear_motion.h): v by t^3 / 12 more, the mean velocity by t / 12.
+  // Returns the information on the walks of the readings of an observed step of length t, times their variance at unit density. I: information on the
+  // state at its end. A walk has a mean over the step and departs from it (StepNoise, linear_motion.h): by t^3 / 12 in v, t / 12 in mean v.
   Vector6 of_walks(const MatrixXd& I, double t) const {
     const auto gain = step_.K.topRows(states_);
     const auto seen = [&](const MatrixXd& by_state, const MatrixXd& by_mean) {
@@ -312,7 +312,7 @@ MatrixXd Weights::products(const MatrixXd& y) const {
   const MatrixXd mine_of_y = y(Eigen::all, Eigen::Map<const Eigen::Matrix<Eigen::Index, -1, 1>>(rows.data(), count));
   if (mine == columns) return mine_of_y * of().leftCols(count).transpose();
   MatrixXd all = MatrixXd::Zero(y.rows(), columns);
-  for (Eigen::Index i = 0, end; i < count; i = end) {  // coordinates that share their columns
+  for (Eigen::Index i = 0, end; i < count; i = end) {  // a run of coordinates that share their columns
     for (end = i + 1; end < count && first[std::size_t(end)] == first[std::size_t(i)];) ++end;
     all.middleCols(first[std::size_t(i)], mine).noalias() +=
         mine_of_y.middleCols(i, end - i) * of().middleCols(i, end - i).transpose();
@@ -320,7 +320,7 @@ MatrixXd Weights::products(const MatrixXd& y) const {
   return all;
 }
 
-// An observation is as wrong as its coordinate, and the residual is prediction less observation.
+// A coordinate is the error of its observation, and a residual is prediction less observation.
 PieceSystem::PieceSystem(const MatrixXd& derivatives, const VectorXd& residuals, double log_variance)
     : floor_(rounding) {
   A_ = derivatives.transpose() * derivatives;
@@ -405,8 +405,8 @@ void PieceSystem::eliminate_parameters() {
 
 double PieceSystem::fixed_misfit() const { return misfit_ - gradient_.dot(fit_shift_) - log_determinant(A_); }
 
-// Going back, the transition T to where the next piece begins, the score r and the information R with the parameters go through the same
-// steps: they are rows of one matrix. What the steps of a turn do is taken together.
+// Backward, the transition T to the beginning of the next piece, the score r and the information R with the parameters
+// take the same steps, so they are rows of one matrix. The steps of a turn are multiplied first and applied together.
 void PieceSystem::run(const FilterResult& pass, const CompressedRecording& recording, const std::vector<int>& columns,
                       const Vector6& walks, const Pieces& cut) {
   const std::vector<Piece>& pieces = cut.pieces;
@@ -432,14 +432,14 @@ void PieceSystem::run(const FilterResult& pass, const CompressedRecording& recor
     turn.setIdentity();
     turning = false;
   };
-  // psi and v before a chain say nothing about what comes in it, and biases of one recording nothing about the next.
+  // psi and v before a chain tell nothing about what follows, nor do the biases of one recording about the next.
   const auto forget = [&](const FilterStep& step) {
     const int lost = step.begins_recording ? states : 6;
     carried.leftCols(lost).setZero();
     I.topRows(lost).setZero();
     I.leftCols(lost).setZero();
   };
-  std::vector<int> mine;  // of a piece: its biases, and a jump of psi and v
+  std::vector<int> mine;  // columns of a piece: its biases, and a jump of psi and v
   for (int d = 0; d < 6; ++d) mine.push_back(states + d);
   for (int d = 0; d < 6; ++d) mine.push_back(d);
   const auto state = Eigen::seqN(0, states);
@@ -507,11 +507,11 @@ std::vector<PieceSystem::Block> PieceSystem::blocks(const std::vector<Weights>& 
   std::vector<Block> result(weights.size());
   for (std::size_t k = 0; k < weights.size(); ++k) {
     all += columns(k);
-    // With itself, and half of what it has with later pieces.
+    // Gets the products with later pieces and half the diagonal; the transpose is added below.
     result[k].Q.setZero(columns(k), columns(k));
     if (columns(k) > 0) result[k].s = score(weights[k]);
   }
-  // Side by side, products of many columns cost little more than those of one. Transposed: a row a column.
+  // All columns are stacked: products of many columns cost little more than those of one. Transposed: a row per column.
   MatrixXd later = MatrixXd::Zero(all, states_), next(all, states_);
   VectorXd beside(all);
   for (std::size_t a = links_.size(); a-- > 0;) {
@@ -524,7 +524,7 @@ std::vector<PieceSystem::Block> PieceSystem::blocks(const std::vector<Weights>& 
       if (n == 0) continue;
       const auto of = weights[k].of();
       const std::size_t begin = weights[k].begin[a], end = weights[k].begin[a + 1];
-      const Eigen::Index lowest = begin < end ? weights[k].first[begin] : 0;  // those before it begin in earlier pieces
+      const Eigen::Index lowest = begin < end ? weights[k].first[begin] : 0;  // lower columns begin in earlier pieces
       for (std::size_t i = begin; i < end; ++i) {
         const Eigen::Index d = weights[k].rows[i] - row, first = weights[k].first[i];
         const auto w = of.col(Eigen::Index(i));

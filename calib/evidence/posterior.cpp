@@ -19,27 +19,27 @@ using Eigen::VectorXd;
 using SparseMatrix = Eigen::SparseMatrix<double>;
 
 constexpr std::size_t beam = 6, expansions = 6;
-constexpr double named_share = 0.3;  // of a branch, that its names carry: a pattern in their place may be one of them
-constexpr double as_good = 0.3;      // of another name's probability: that of one that is fitted already and stays
-constexpr double averaged_share = 0.995;  // of the probability, or so many models
+constexpr double named_share = 0.3;       // part of a branch held by names, above which a pattern may stand for one
+constexpr double as_good = 0.3;           // a fitted name stays if it has this part of another's probability
+constexpr double averaged_share = 0.995;  // probability to average over, with at most most_averaged models
 constexpr std::size_t most_averaged = 200;
 constexpr int deepest = 8;  // terms of a model at most
 constexpr double least_probability = 1e-5;
-constexpr double negligible = 12.0, ends_below = 6.0;  // of log evidence
-// A term that explains less changes nothing for others: it counts, and is not gone on with.
+constexpr double negligible = 12.0, ends_below = 6.0;  // differences of log evidence
+// A term that explains less changes nothing for the others: the model counts, and is not extended.
 constexpr double explains = 1.0;
-// A shape matters where what has it is so many sigmas.
+// A shape matters once its term is this many sigmas strong.
 constexpr double strong = 10.0;
-// A formula that is off by such a part of itself is none; what is off by all of itself does not go with its driver.
+// An effect wrong by this part of itself does not follow its formula; one wrong by all of itself does not follow its driver.
 constexpr double formula_is_within = 0.3, driver_is_within = 1.0;
-constexpr Eigen::Index most_columns = 240;  // beside which a model still takes such columns in
-constexpr double columns_show = 0.99;       // of the information of all
+constexpr Eigen::Index most_columns = 240;  // of a model, up to which it still takes in columns of inexactness
+constexpr double columns_show = 0.99;       // part of their information that the kept columns hold
 
-// The system beside a model.
+// The system with a model eliminated.
 struct State {
   std::vector<ModelTerm> terms;
   double log_weight = 0.0;
-  std::vector<MatrixXd> Q;  // of each basis
+  std::vector<MatrixXd> Q;  // one per basis
   std::vector<VectorXd> s;
   MatrixXd Y;  // Q|h = Q - Y Y'
   VectorXd score;
@@ -53,7 +53,7 @@ struct Next {
   std::shared_ptr<const State> parent;
 };
 
-// Columns with information A and score b, turned so that A is tridiagonal: 1 + v A = L D L' for any variance v of their coefficients.
+// Columns with information A and score b, rotated so that A is tridiagonal: 1 + v A = L D L' for any variance v of their coefficients.
 struct Turned {
   VectorXd diagonal, beside, score;
   Turned(const MatrixXd& A, const VectorXd& b) : diagonal(A.diagonal()), score(b) {
@@ -81,7 +81,7 @@ struct Turned {
     return gain;
   }
 };
-// Of a term. Its columns are the basis itself, or most of them use a run of it.
+// Returns the rotated columns of a term. They are the scaled basis itself, or most of them use a contiguous run of it.
 Turned turned(const Term& term, const MatrixXd& Q, const VectorXd& s) {
   if (term.scale > 0.0) return {term.scale * term.scale * Q, term.scale * s};
   Eigen::Index from = 0, to = term.L.rows();
@@ -92,7 +92,7 @@ Turned turned(const Term& term, const MatrixXd& Q, const VectorXd& s) {
   return {L.transpose() * QL, L.transpose() * s.segment(from, to - from)};
 }
 
-// Sizes of a term that are worth looking at: those of the coarse grid, and where the best of them explains enough all of the fine one about it.
+// The sizes of a term that are worth scoring: the coarse grid, or, if its best size gains enough, the fine grid about that size.
 struct Sizes {
   std::vector<int> at;  // of Term::variance
   VectorXd explained, log_prior;
@@ -123,7 +123,7 @@ MatrixXd left_by(const State& state, const PieceSystem& system, const MatrixXd& 
   return y;
 }
 
-// What comes of taking in columns x, with y = Q|h x, M = x'y + 1/v and b = x's|h.
+// Adds columns x to a model, with y = Q|h x, M = x'y + 1/v and b = x's|h.
 void take_in(const TermTable& table, const MatrixXd& y, const Eigen::LLT<MatrixXd>& M, const VectorXd& b,
              State& state) {
   const VectorXd w = M.matrixL().solve(b);
@@ -140,9 +140,9 @@ void take_in(const TermTable& table, const MatrixXd& y, const Eigen::LLT<MatrixX
   }
 }
 
-// What an error x may be off by, of each piece by itself: within the rest along its sensor's axis, by the turn before it in any direction, since
-// what varies in a turn is turned with the unit. It is in proportion to x there and, where its quantity has a unit, as much to the rms of x:
-// where a wrong shape is zero the right one need not be. Those that are seen best.
+// Returns the columns of inexactness of an error x, piece by piece: within the rest along its sensor's axis; at the turn before it in any
+// direction, since an error in a turn rotates with the unit. Their size is that of x in the piece or, if the quantity has a unit, the rms
+// of it and of x over all pieces: the true shape may be non-zero where the modelled one is zero. Keeps those with the most information.
 Weights by_piece(const PieceSystem& system, const VectorXd& x, const VectorXd& unit, Eigen::Index most) {
   using OfPiece = Eigen::Matrix<double, piece_dims, 1>;
   struct Column {
@@ -150,7 +150,7 @@ Weights by_piece(const PieceSystem& system, const VectorXd& x, const VectorXd& u
     Eigen::Index first;
     OfPiece of;
   };
-  // Mean squares of x in units: of the readings within rests, of the attitude and of the velocity after turns.
+  // Mean squares of x in units: readings within rests, attitude after turns, velocity after turns.
   struct Part {
     Eigen::Index at, wide;
     double square = 0.0, weight = 0.0;
@@ -259,8 +259,8 @@ State with_term(const PieceSystem& system, const TermTable& table, const Next& n
 
 }  // namespace
 
-// What is missing may look like noise of which there is less: each noise is searched by itself. What is far below `elsewhere`, the most
-// probable model at another noise, is gone on with along terms that are more likely than not.
+// A missing effect can pass for noise, so each noise model is searched by itself. A model far below `elsewhere`, the
+// most probable model at another noise, is extended only by terms that are more likely than not.
 LogWeights weigh_models(const UnderNoise& under, double elsewhere) {
   const TermTable& table = *under.table;
   auto root = std::make_shared<State>();
@@ -356,10 +356,10 @@ bool is_formula(const Term& term, const ModelTerm& t) { return term.kind == Term
 Statements statements_of(const std::vector<UnderNoise>& under, const Posterior& posterior) {
   Statements all;
   all.tested = true;
-  using Node = std::array<std::string, 4>;  // sensor, quantity, driver, formula; empty: not said
+  using Node = std::array<std::string, 4>;  // sensor, quantity, driver, formula; empty: left open
   std::map<Node, double> nodes;
   for (const WeighedModel& m : posterior.models) {
-    std::map<Node, double> mine;  // how likely no term of it says so
+    std::map<Node, double> mine;  // probability that no term of the model says so
     const auto says = [&](const Node& node, double probability) {
       mine.emplace(node, 1.0).first->second *= 1.0 - probability;
     };
@@ -380,7 +380,7 @@ Statements statements_of(const std::vector<UnderNoise>& under, const Posterior& 
     if (!mine.empty()) all.anything += m.probability;
     for (const auto& [node, not_said] : mine) nodes[node] += m.probability * (1.0 - not_said);
   }
-  // As a tree: what is below a node follows it, the more probable first.
+  // As a tree: children follow their parent, the more probable first.
   using Path = std::vector<std::pair<double, std::string>>;
   std::vector<std::pair<Path, Node>> listed;
   for (const auto& [node, p] : nodes) {
@@ -403,7 +403,7 @@ Statements statements_of(const std::vector<UnderNoise>& under, const Posterior& 
 NamedEffects named_effects(const std::vector<UnderNoise>& under, const Posterior& posterior,
                            const std::vector<std::string>& fitted) {
   const TermTable& table = *under.front().table;  // effects are the same in all
-  // Names share a branch where one of them may stand for another: of the same sensor and quantity.
+  // A branch is a sensor and a quantity: names that share it may stand for each other.
   using Branch = std::pair<std::string, std::string>;
   const auto branch = [&](const Term& t) { return Branch{t.what.sensor, t.what.quantity}; };
   const auto branch_of_noise = [&](const WeighedModel& m) {
@@ -452,7 +452,7 @@ NamedEffects named_effects(const std::vector<UnderNoise>& under, const Posterior
       for (const int c : term.columns) {
         const EffectColumn& column = table.effects[std::size_t(c)];
         const std::string key = column.key();
-        stands = keys.insert(key).second && stands;  // two time constants of one are no name
+        stands = keys.insert(key).second && stands;  // a key at two time constants is no name
         column_of[key] = column;
         branch_of[key] = branch(term);
         log_tau[key].first += m.probability * std::log(column.tau_s);
@@ -465,7 +465,7 @@ NamedEffects named_effects(const std::vector<UnderNoise>& under, const Posterior
     if (!keys.empty()) held.emplace_back(std::move(keys), m.probability);
   }
   if (something > 0.0) result.probability /= something;
-  // What has a name that is more likely than not beside those before it, the most probable first: its most probable name.
+  // Takes names while one is more likely than not beside those taken (the first in any case): of the most probable branch, the most probable name.
   std::set<std::string> names;
   for (;;) {
     std::map<Branch, double> with;
@@ -491,7 +491,7 @@ NamedEffects named_effects(const std::vector<UnderNoise>& under, const Posterior
   }
   for (const std::string& key : names) {
     result.columns.push_back(column_of[key]);
-    result.columns.back().tau_s = std::exp(log_tau[key].first / log_tau[key].second);  // none: exp(-inf)
+    result.columns.back().tau_s = std::exp(log_tau[key].first / log_tau[key].second);  // without one: exp(-inf)
     result.instead[std::string(column_of[key].entry->name)];
   }
   for (const WeighedModel& m : posterior.models) {
@@ -514,7 +514,7 @@ struct OfModel {
   MatrixXd covariance;
 };
 
-// How likely a number is below x, in a mixture of normal distributions.
+// Returns the probability that a number is below x, in a mixture of normal distributions.
 double below(const std::vector<OfModel>& models, Eigen::Index i, double x) {
   double sum = 0.0, all = 0.0;
   for (const OfModel& m : models) {
@@ -523,7 +523,7 @@ double below(const std::vector<OfModel>& models, Eigen::Index i, double x) {
   }
   return sum / all;
 }
-// What it is with probability `p`.
+// Returns its quantile at probability `p`.
 double quantile(const std::vector<OfModel>& models, Eigen::Index i, double p) {
   double low = 1e300, high = -1e300;
   for (const OfModel& m : models) {
@@ -538,7 +538,7 @@ double quantile(const std::vector<OfModel>& models, Eigen::Index i, double p) {
   return 0.5 * (low + high);
 }
 
-// Q and s of the terms of averaged models, and what they do to [parameters over the recording, where named effects are zero, named values].
+// Q and s of the terms of averaged models, and their effect on [parameters over the recording, parameters at zero named effects, named values].
 class Coefficients {
  public:
   Coefficients(const UnderNoise& under, const std::vector<EffectColumn>& named)
@@ -575,7 +575,7 @@ class Coefficients {
  private:
   struct Part {
     SparseMatrix x;
-    MatrixXd y, effect;  // y: only where it is asked for
+    MatrixXd y, effect;  // y: computed on demand
     VectorXd s;
     MatrixXd information;
   };
@@ -589,7 +589,7 @@ class Coefficients {
     Eigen::LLT<MatrixXd> llt;  // of the coefficients' information, with their priors
   };
 
-  // What a pattern may be off by follows from what the first model that holds it makes of it.
+  // The inexactness of a term is built on its mean in the first model that holds it.
   Solution solve(const WeighedModel& model) {
     Solution of;
     for (const ModelTerm& t : model.terms)
@@ -665,7 +665,7 @@ class Coefficients {
     return parts_.size() - 1;
   }
 
-  // Information of the coefficients with their priors, and their score.
+  // Returns the information of the coefficients with their priors, and sets their score.
   MatrixXd system_of(const std::vector<Column>& columns, VectorXd& s) {
     Eigen::Index r = 0;
     for (const Column& c : columns) r += parts_[c.part].x.cols();
@@ -705,7 +705,7 @@ class Coefficients {
   const std::vector<PieceSystem::Block>& blocks_;
   std::vector<std::string> named_;
   std::map<std::pair<std::size_t, std::size_t>, MatrixXd> between_;
-  std::map<ModelTerm, std::size_t> places_;  // of a term, size -1; of what it may be off by
+  std::map<ModelTerm, std::size_t> places_;  // part of a term (size -1), and of its inexactness
   std::vector<Part> parts_;
 };
 

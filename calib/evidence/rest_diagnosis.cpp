@@ -23,13 +23,13 @@ using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-// Floors are looked for from what the most probable model leaves, and from this part of them: what is missing of three axes at once is not
-// found beside a floor that holds it.
+// Floors are sought from those that the most probable model leaves, and from this part of the base floors: a missing
+// effect of all three axes is not found beside a floor that contains it.
 constexpr double low_floors = 0.3;
-constexpr int most_floors = 4;        // tried, one after the other
+constexpr int most_floors = 4;        // iterations
 constexpr double same_floors = 0.05;  // relative
 
-// An epoch is a rest with the turn before it.
+// Cuts hand-turned data into pieces. An epoch is a rest with the turn before it.
 Pieces cells_of(const RestData& data, const SensorModel& model) {
   const std::vector<Block>& blocks = data.recording->blocks;
   Pieces pieces;
@@ -69,7 +69,7 @@ Pieces cells_of(const RestData& data, const SensorModel& model) {
   return pieces;
 }
 
-// The effects of the model, then six columns for each cell: gyros and accelerometers that read one unit too much there. `states`: of the blocks.
+// Returns the effects of the model and six columns per cell: an excess of one unit in each of its readings. `states`: filled by block.
 EffectModel with_readings(const CompressedRecording& recording, EffectModel model, const Pieces& pieces,
                           std::vector<BlockState>& states) {
   std::vector<double> middles;
@@ -92,7 +92,7 @@ EffectModel with_readings(const CompressedRecording& recording, EffectModel mode
   return model;
 }
 
-// The rows of `system` over their sigmas, of which the first 21 columns are parameters, and what readings in the cells do to them.
+// Sets the system and the responses of `view` from `system`, over the sigmas of its rows; columns: 21 parameters, `own` effects, the cells' readings.
 void set_floors(const RestSystem& system, const RestFloors& floors, Index own, bool accelerometers,
                 PiecewiseView& view) {
   const VectorXd weights = rest_weights(system, floors);
@@ -106,7 +106,7 @@ void set_floors(const RestSystem& system, const RestFloors& floors, Index own, b
   }
 }
 
-// What the most probable model leaves, as floors: by the redundancy that it leaves of each kind.
+// Returns the floors beside the most probable model, by the redundancy that it leaves in each kind.
 RestFloors floors_beside(const RestSystem& system, const RestFloors& floors, const UnderNoise& under,
                          const WeighedModel& model) {
   const Index rows = system.residual.size();
@@ -123,7 +123,7 @@ RestFloors floors_beside(const RestSystem& system, const RestFloors& floors, con
 
 bool alike(const RestFloors& a, const RestFloors& b) { return ((a - b).abs() <= same_floors * a.max(b)).all(); }
 
-// Of the gyros and accelerometers, by white noise alone.
+// Returns the white noise of the gyros and accelerometers.
 NoiseModel rest_noise(const RestData& data, const Parameters& parameters) {
   const SensorModel model = sensor_model(parameters, data.recording->info);
   NoiseModel noise;
@@ -132,7 +132,7 @@ NoiseModel rest_noise(const RestData& data, const Parameters& parameters) {
   return noise;
 }
 
-// What temperature effects are referred to: the mean of the recording, 0 without a thermometer.
+// Returns the reference of temperature effects: the mean of the recording, 0 without a thermometer.
 double rest_reference_temperature_c(const RestData& data) {
   const double mean = data.recording->mean_temperature_c;
   return std::isnan(mean) ? 0.0 : mean;
@@ -147,12 +147,12 @@ EffectModel rest_effects(const RestData& data, const std::vector<EstimatedEffect
   return model;
 }
 
-// `fit` has `effects`; `without`: floors of the 21 parameters alone. `accelerometers`: they may be what is missing.
+// Weighs the evidence about `fit` with its `effects`; `without`: floors of the 21 parameters alone; `accelerometers`: their errors are tested too.
 Evidence weigh_rests(const RestData& data, const RestFit& fit, const std::vector<EstimatedEffect>& effects,
                      const RestFloors& without, bool accelerometers) {
   const CompressedRecording& recording = *data.recording;
   std::vector<EffectColumn> catalogue = catalogue_columns(recording.info);
-  // The heading is open: of what goes with directions of the Earth its rate about the vertical alone is felt.
+  // The heading is open: of the effects fixed to the Earth only its rate about the vertical is observable.
   std::erase_if(catalogue, [](const EffectColumn& c) { return c.entry->driver == Driver::field; });
   catalogue.push_back(vertical_earth_rate());
   catalogue = columns_beside(effects, std::move(catalogue), !effects.empty());
@@ -164,7 +164,7 @@ Evidence weigh_rests(const RestData& data, const RestFit& fit, const std::vector
   const RestSystem system =
       make_rest_system(data, fit.parameters, with_readings(recording, of_fit, first.pieces, first.states), true);
   average_cells(first.states, first.pieces);
-  for (ErrorCell& cell : first.pieces.cells)  // of the earth's rate the heading is open
+  for (ErrorCell& cell : first.pieces.cells)  // with the heading, the Earth's rate is open
     if (!cell.turns) cell.at.w_b.setZero();
   const std::vector<Readings> readings =
       readings_of(make_effect_model(catalogue, {recording.info.latitude_deg}, of_fit.reference_temperature_c),
@@ -248,7 +248,7 @@ class DiagnosingRests {
     duration_s_ = data.recording->middle_s(blocks.back()) + 0.5 * blocks.back().duration_s;
   }
 
-  // Of r.base, which can be judged.
+  // Diagnoses r.base, which can be tested.
   void run() {
     r_.accel_not_tested =
         hangs_on_single_rests(RestKind::norm, r_.base.left_out.norm_rms_mps2, r_.base.errors.norm_rms_mps2);
@@ -272,7 +272,7 @@ class DiagnosingRests {
     look_at_latitude();
   }
 
-  // What is reported of base and final, judged or not.
+  // Adds the errors of base and final, tested or not.
   void add_errors() {
     const RestSystem before = rest_system_at(data_, d_.base, true), after = rest_system_at(data_, d_.extended, true);
     const VectorXd weights = rest_weights(after, r_.final.floors);
@@ -297,7 +297,7 @@ class DiagnosingRests {
     }
     return effects;
   }
-  // Poses that are taken in a regular order change with time, so a name stands where what drives it is said.
+  // Poses taken in a regular order are confounded with time, so a name stands only where its driver is said.
   static std::vector<EffectColumn> names_of(const Evidence& e) {
     const TermTable& table = *e.at_each_noise.front().table;
     const auto is_named = [&](int c) {
@@ -337,7 +337,7 @@ class DiagnosingRests {
     }
   }
 
-  // The averages, about `fit`, in the place of the final model's own.
+  // Replaces the values and sigmas of the final model by the averages about `fit`.
   void hand_out(const Evidence& e, const RestFit& fit, std::vector<EstimatedEffect>& effects) {
     const AveragedEstimate average = average_over_models(
         e.at_each_noise, e.posterior, effects.empty() ? std::vector<EffectColumn>{} : e.named.columns);
@@ -435,7 +435,7 @@ JointResult as_joint(const RestFit& fit, const std::vector<EstimatedEffect>& eff
   return r;
 }
 
-// Rows that are left over after the base fit are all that can speak for a name.
+// Only rows beyond the base fit can support a name.
 std::string why_not_tested(const RestData& data, const RestFit& base) {
   double redundancy = 0.0;
   for (const double r : base.redundancy) redundancy += r;
@@ -448,7 +448,7 @@ std::string why_not_tested(const RestData& data, const RestFit& base) {
     why += (why.empty() ? "" : "; ") + std::string("not determined:");
     for (const std::string& key : base.undetermined) why += " " + key;
   }
-  // A reversed accelerometer makes the body's frame left-handed, and two gyros turn the other way in it.
+  // A reversed accelerometer makes the body frame left-handed, and two gyros turn the other way in it.
   if (why.empty()) why = wrong_axes(base.parameters.n / start_parameters(data.recording->info).n(0, 0));
   if (!why.empty()) return why;
   return hangs_on_single_rests(RestKind::direction, base.left_out.direction_rms_rad, base.errors.direction_rms_rad);

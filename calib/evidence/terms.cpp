@@ -19,18 +19,18 @@ using Eigen::MatrixXd;
 using Eigen::Vector3d;
 using Eigen::VectorXd;
 
-// Prior odds of something of a kind.
+// Prior odds that terms of a kind are present.
 constexpr double prior_effects = 0.7, prior_patterns = 0.7, prior_wander = 0.5;
-// Sizes of patterns and of a wander, in usual ones: steps of a factor of three, and so many parts of each.
+// Grid of sizes of patterns and wanders, in usual sizes: steps of a factor of three, each divided into fine_parts.
 constexpr double smallest_pattern = 0.17, pattern_step = 3.16;
 constexpr int pattern_steps = 6, fine_parts = 4;
 const std::vector<double> effect_sizes = {2.0, 5.0, 12.0, 30.0, 80.0, 250.0, 1000.0};
-// Usual sizes by data sheets of units of navigation grade, 0.003 deg/sqrt(h) and 10 ug/sqrt(Hz); others go with the noise.
+// Usual sizes from data sheets of navigation-grade units, 0.003 deg/sqrt(h) and 10 ug/sqrt(Hz); other grades scale with their noise.
 constexpr double usual_gyro_bias_degph = 0.03, usual_accel_bias_ug = 3.0, usual_ppm = 3.0;
 constexpr double navigation_arw = 0.003, navigation_vrw = 10.0;
 constexpr Eigen::Index wander_rank = 16;
-constexpr double largest_size = 1000.0;  // of an effect, in usual ones
-constexpr double least_part = 1e-7;      // of a column's information that the parameters leave: below it is rounding
+constexpr double largest_size = 1000.0;  // cap of an effect, in usual sizes
+constexpr double least_part = 1e-7;      // of a column's information: a remainder below it is rounding
 
 struct Grades {
   double gyro = 1.0, accel = 1.0;
@@ -45,12 +45,12 @@ struct Channel {
   Sensor sensor;
   Quantity quantity;
   int axis;
-  int from;  // direction: of which axis it takes a part
+  int from;  // direction: the axis that leaks into it
   double unit;
 };
-// Of the readings of a cell, gyros x y z and accelerometers x y z: which, and how much.
+// Returns the reading that the channel adds to: gyros x y z, then accelerometers x y z.
 int reading_of(const Channel& c) { return (c.sensor == Sensor::gyro ? 0 : 3) + c.axis; }
-// By how much more it is where its reading is larger.
+// Returns the derivative of its size by that reading.
 double slope_of(const Channel& c) { return c.quantity == Quantity::scale_factor ? c.unit : 0.0; }
 double size_of(const Channel& c, const ErrorCell& cell) {
   const Vector3d& input = c.sensor == Sensor::gyro ? cell.at.w_b : cell.at.f_b;
@@ -81,26 +81,26 @@ struct Kernel {
   double scale = 0.0;  // L = scale 1
 };
 
-// Functions of a cell. They come in blocks of `count`, of which a cell has one.
+// Functions on the cells, in blocks of `count`; each cell belongs to one block.
 struct Functions {
   Eigen::Index count = 1, blocks = 1;
-  std::function<Eigen::Index(const ErrorCell&)> block_of;             // none: of a single one
-  std::function<void(const ErrorCell&, Eigen::Ref<VectorXd>)> write;  // the values of its block; none: 1
+  std::function<Eigen::Index(const ErrorCell&)> block_of;             // null: a single block
+  std::function<void(const ErrorCell&, Eigen::Ref<VectorXd>)> write;  // its values in the cell's block; null: 1
   std::vector<Kernel> kernels;
-  MatrixXd values = {};  // of each cell
+  MatrixXd values = {};  // by cell
 };
 
 constexpr int harmonics = 4, waves = 3;
 constexpr std::array<double, 3> decays_s = {15.0, 60.0, 250.0};
-constexpr std::array<double, 2> smooth_parts = {0.3, 0.1};  // of the range
+constexpr std::array<double, 2> smooth_parts = {0.3, 0.1};  // correlation lengths, in parts of the range
 constexpr double least_range_c = 0.3;
 constexpr int fewest_epochs = 4;
 
 struct Epochs {
   VectorXd time_s, temperature_c;
-  Eigen::VectorXi number, recording, turn;  // turn: after how many, those of recordings before it included
-  Eigen::Index fitted = 0;                  // those behind them are held out
-  // What goes with time is of each recording by itself.
+  Eigen::VectorXi number, recording, turn;  // turn: number of turns before it, over all recordings
+  Eigen::Index fitted = 0;                  // epochs behind these are held out
+  // Clears the covariance between recordings: functions of time are independent in each.
   MatrixXd in_each(MatrixXd K) const {
     for (Eigen::Index i = 0; i < K.rows(); ++i)
       for (Eigen::Index j = 0; j < K.cols(); ++j)
@@ -126,7 +126,7 @@ Epochs epochs_of(const Pieces& pieces) {
   return e;
 }
 
-// One of each number that epochs have, 1 in their cells.
+// Returns an indicator function per value of `number`: 1 in the epochs with that value.
 Functions of_each(const Eigen::VectorXi& number, std::vector<Kernel> kernels = {}) {
   return {1, number.size() > 0 ? number.maxCoeff() + 1 : 0, [number](const ErrorCell& c) { return number[c.epoch]; },
           nullptr, std::move(kernels)};
@@ -135,7 +135,7 @@ Functions of_each(const Eigen::VectorXi& number, std::vector<Kernel> kernels = {
 Kernel all_of(Driver driver, Eigen::Index count, double size = 1.0) {
   return {driver, size * MatrixXd::Identity(count, count), 1.0, size};
 }
-// All of a series, whose functions are pairs, or, as likely, one pair.
+// Returns a series of pairs of functions as a whole, and, with equal odds together, each pair by itself.
 std::vector<Kernel> series(Driver driver, Eigen::Index count) {
   std::vector<Kernel> all = {all_of(driver, count, 1.0 / std::sqrt(0.5 * double(count)))};
   for (Eigen::Index k = 0; k < count; k += 2) {
@@ -192,24 +192,24 @@ std::vector<Functions> all_functions(const Pieces& pieces, const Epochs& epochs)
                    for (Eigen::Index k = 0; k < v.size(); ++k) v[k] = decay(c, decays_s[std::size_t(k)]);
                  },
                  {all_of(Driver::turns, decays, 1.0 / std::sqrt(0.5 * double(decays)))}});
-  // What a turn leaves behind may go with what turned, with the pose, with anything.
+  // The decay after a turn may depend on the rotation, the pose or anything else, so each turn has its own size.
   all.push_back(of_each(epochs.turn));
   all.back().kernels = {all_of(Driver::turns, all.back().blocks)};
   all.back().write = [decay](const ErrorCell& c, Eigen::Ref<VectorXd> v) { v[0] = decay(c, decays_s[1]); };
   if (!pieces.responses.empty()) return all;
-  // So may what is there while it turns; of hand-turned data that is their floor.
+  // So may the value during a turn; in hand-turned data that is the floor of the turns.
   all.push_back(of_each(epochs.turn, {all_of(Driver::rate, all.back().blocks)}));
   all.back().write = [](const ErrorCell& c, Eigen::Ref<VectorXd> v) { v[0] = c.turns ? 1.0 : 0.0; };
   return all;
 }
 
-template <class Visit>  // of every cell of a piece
+template <class Visit>  // visits every cell of a piece
 void each_cell(const Pieces& pieces, std::size_t k, Visit visit) {
   for (std::size_t c = pieces.pieces[k].first_cell; c <= pieces.pieces[k].rest_cell; ++c) visit(c, pieces.cells[c]);
 }
 
-// What of readings the biases and rows of the matrices take up over a recording, by least squares: accelerometers at rest, gyros in turns as
-// well. A parameter is what it is over the whole recording: a bias that steps is its mean.
+// What the biases and the rows of the matrices absorb of errors in the readings over a recording, by least squares: of accelerometers at
+// rest, of gyros in turns as well. A parameter has its value over the whole recording: for a bias that steps, the mean.
 class TakenUp {
  public:
   TakenUp(const Pieces& pieces, const Parameters& fit, const std::vector<int>& columns) : fit_(fit), columns_(columns) {
@@ -223,7 +223,7 @@ class TakenUp {
     gyro_ = gyro.completeOrthogonalDecomposition().pseudoInverse();
     accel_ = accel.completeOrthogonalDecomposition().pseudoInverse();
   }
-  // Sums over the cells; a column's are 4 x 6, by sensor.
+  // Sums over the cells: 4 x 6 per column, by sensor.
   using Sums = std::vector<Eigen::Matrix<double, 4, 6>>;
   static void add(const ErrorCell& cell, int reading, const VectorXd& size, Eigen::Index first, Sums& sums) {
     const Eigen::Vector4d x = cell.at.duration_s * regressors(cell, reading < 3);
@@ -265,7 +265,7 @@ class TakenUp {
   Eigen::Matrix4d gyro_, accel_;
 };
 
-// L with L L' = K, scaled to a mean square of one; directions of less than `floor` of the largest, and all but `most` of them, are left out.
+// Returns L with L L' = K, scaled to a unit mean square, without the directions below `floor` of the largest and with at most `most` of them.
 MatrixXd factor(const MatrixXd& K, double floor, Eigen::Index most = 1000) {
   const SymmetricEigen e = symmetric_eigen(K);
   const double largest = e.values.maxCoeff();
@@ -295,7 +295,7 @@ VectorXd numbers_of(const Epochs& e, const Eigen::VectorXi& of) {  // from 1 on 
   return number;
 }
 
-// Constant over an epoch: another value each, a walk, a step before one of them; constant from turn to turn: another value after each, a walk.
+// Functions constant over an epoch: independent values, a walk, a step before one epoch; or constant from turn to turn: independent values, a walk.
 Functions steps_of(const Epochs& e) {
   const Eigen::Index n = e.time_s.size();
   const auto walk_of = [&](const Eigen::VectorXi& of) { return factor(e.in_each(walk(numbers_of(e, of))), 1e-3); };
@@ -312,8 +312,8 @@ Functions steps_of(const Epochs& e) {
   return f;
 }
 
-// Smooth functions of x in `from` to `to`, of covariance exp(-(x - x')^2 / 2 length^2): those of a grid of half a length, and between its points
-// by the same covariance (Rasmussen and Williams, Gaussian Processes for Machine Learning (2006), 8.1). Goes with time: of each recording by itself.
+// Smooth functions of x in `from` to `to` with covariance exp(-(x - x')^2 / 2 length^2): on a grid of half a length, interpolated by that covariance
+// (Rasmussen and Williams, Gaussian Processes for Machine Learning (2006), 8.1). Functions of time are independent in each recording.
 Functions smooth_of(Driver driver, double from, double to, double part, int recordings) {
   const double length = part * (to - from);
   const VectorXd grid = VectorXd::LinSpaced(Eigen::Index(std::ceil(2.0 / part)) + 1, from, to);
@@ -343,7 +343,7 @@ Quantity canonical(Sensor sensor, Quantity quantity, Driver driver) {
   return quantity;
 }
 
-// Half-Cauchy about one usual size.
+// Sets a half-Cauchy prior with a scale of one usual size.
 void pattern_prior(double share, double kind, double smaller, Term& term) {
   term.stride = term.L.cols() > few_columns ? fine_parts : 1;
   const Eigen::Index n = pattern_steps * term.stride + 1;
@@ -399,7 +399,7 @@ class Table {
         if (f.kernels.front().driver == Driver::unknown && !by_hand()) unit = int(basis);
         if (by_hand() && table_.bases[basis].rows.empty()) continue;
         for (const Kernel& kernel : f.kernels) {
-          // Another value in every rest is the floor of hand-turned data.
+          // In hand-turned data an independent value in every rest is the floor, not a term.
           if (by_hand() && kernel.driver == Driver::unknown) continue;
           Term term;
           term.kind = TermKind::pattern;
@@ -436,7 +436,7 @@ class Table {
              effects[end].tau_s == effects[begin].tau_s && effects[end].recording == effects[begin].recording)
         ++end;
       const auto wide = Eigen::Index(end - begin);
-      const bool own = effects[begin].entry->of_one_run;  // a recording that is held out has another value
+      const bool own = effects[begin].entry->of_one_run;  // a held-out recording has its own value
       const std::size_t basis = add_basis(
           own ? wide * (1 + held_out_) : wide, wide,
           [&](std::size_t k) {
@@ -465,8 +465,8 @@ class Table {
 
  private:
   bool by_hand() const { return !pieces_.responses.empty(); }
-  // Of `columns`, of which a piece has `mine` from first(piece) on. each(cell number, cell, add, jumps) adds its readings, add(reading, of each
-  // of mine), and in a turn what they do to psi and v (mine x 6).
+  // Adds a basis of `columns`, of which piece k has `mine`, from first(k) on. each(cell number, cell, add, jumps) calls
+  // add(reading, size, slope), one value per column, and in a turn adds the jump of psi and v to `jumps` (mine x 6).
   template <class First, class Each>
   std::size_t add_basis(Eigen::Index columns, Eigen::Index mine, First first, Each each) {
     Weights weights;
@@ -488,7 +488,7 @@ class Table {
                 rows.middleCols(begin, mine).noalias() += pieces_.responses[c].col(reading) * size.transpose();
               else if (!cell.turns)
                 piece.col(reading) += size;
-              const bool noisy = cell.turns || reading >= 3;  // a gyro's column at rest is of the earth's rate
+              const bool noisy = cell.turns || reading >= 3;  // a gyro's column at rest holds the Earth's rate
               if (!by_hand() && noisy) weights.pull.segment(begin, mine) += system_.pull(c)[reading] * slope;
               if (c < pieces_.fitted_cells) TakenUp::add(cell, reading, size, begin, sums);
             },
@@ -517,7 +517,7 @@ class Table {
     }
   }
 
-  // Side by side: column = function * channels + channel.
+  // Adds a basis of several channels side by side: column = function * channels + channel.
   std::size_t add_basis(const std::vector<Channel>& channels, const Functions& f) {
     const auto wide = Eigen::Index(channels.size());
     VectorXd size = VectorXd::Zero(f.count * wide), slope = size;
@@ -540,7 +540,7 @@ class Table {
                      });
   }
 
-  // The same for the three axes, each with a course of its own.
+  // Adds wanders of the three biases of a triad: the same size on each axis, an independent course for each.
   void add_wander(Sensor sensor) {
     std::vector<Channel> channels;
     for (const Channel& c : all_channels(grades_))
@@ -549,8 +549,8 @@ class Table {
     evaluate(each);
     const std::size_t basis = add_basis(channels, each);
     const auto wide = Eigen::Index(channels.size());
-    // Flicker noise: processes of all correlation times, with as much in each. Its mean is the bias; of a walk the bias is that over the
-    // recording.
+    // Flicker noise as the sum of processes with a range of correlation times and equal variances. Its mean is the
+    // bias; for a walk the bias is the mean over the recording.
     const MatrixXd d = differences(epochs_.time_s);
     MatrixXd flicker = MatrixXd::Zero(d.rows(), d.cols());
     for (const double tau : {200.0, 600.0, 2000.0}) flicker.array() += (-d / tau).array().exp();
@@ -567,7 +567,7 @@ class Table {
     }
   }
 
-  // Each component, and the components of one sensor together, scaled to their own sigma.
+  // Adds each component, and all components of one sensor together, scaled to their own sigma.
   void add_effect_terms(const UnderNoise& under, TermTable& table) const {
     struct Group {
       std::vector<int> columns;
@@ -575,7 +575,7 @@ class Table {
     };
     std::vector<Group> groups;
     double all = 0.0;
-    std::map<std::pair<std::size_t, int>, std::vector<int>> rows;  // of a basis, by sensor
+    std::map<std::pair<std::size_t, int>, std::vector<int>> rows;  // effects of a basis, by axis
     for (std::size_t k = 0; k < table.effects.size(); ++k) {
       const EffectColumn& effect = table.effects[k];
       if (!is_seen(under, k)) continue;
@@ -616,7 +616,7 @@ class Table {
     }
   }
 
-  // Of its effect's prior, which is log-uniform over the time constants, one has half of the way to its neighbours.
+  // Returns the share of one time constant in its effect's prior, which is log-uniform: half of the way to its neighbours.
   static double part_of_tau(const std::vector<EffectColumn>& effects, const EffectColumn& of) {
     std::multiset<double> taus;
     for (const EffectColumn& c : effects)
@@ -631,7 +631,7 @@ class Table {
     const std::size_t axis = std::string_view("xyz").find(c.entry->components[std::size_t(c.component)].front());
     return axis == std::string_view::npos ? -1 : int(axis);
   }
-  // In the unit of the effect; of a drift in a short run what adds up to it there.
+  // Returns the usual size in the unit of the effect; for a drift in a short run, the rate that adds up to it there.
   double usual_of(const EffectEntry& entry) const {
     const double grade = (entry.sensor == Sensor::gyro ? grades_.gyro : grades_.accel) *
                          absurd_magnitude(entry, length_s_) / absurd_magnitude(entry);
