@@ -13,7 +13,7 @@ class Merger {
         setup_(setup),
         turn_counts_(coarseness.turn_rad / nominal_gyro_rad(recording.info)) {}
 
-  // Where the merged block that begins at `first` ends.
+  // Returns the end of the merged block that begins at `first`.
   std::size_t end_of(std::size_t first) {
     if (first >= rest_end_ && blocks_[first].whole_second) find_rest(first);
     Eigen::Vector3d turned = blocks_[first].gyro;
@@ -47,7 +47,7 @@ class Merger {
     while (rest_end_ < blocks_.size() && blocks_[rest_end_].whole_second) ++rest_end_;
   }
 
-  // Blocks at rest are all as long: as many before and after it as seconds to the turns.
+  // Blocks at rest are equally long, so their number gives the time since the last turn and to the next.
   double longest_at(std::size_t first) const {
     const double block_s = blocks_[first].duration_s;
     const double since = double(first - rest_begin_) * block_s;

@@ -15,9 +15,9 @@
 namespace turncal {
 namespace {
 
-// What a unit can be off goes with its noise, not with how long it was recorded: the ranges are those of this time at rest.
+// The errors of a unit scale with its noise, not with the length of its recording: the ranges are those of this time at rest.
 constexpr double fourteen_steps_s = 5400.0;
-// A step of so many sigma is taken from the last pass, and its effect on that pass is linear.
+// A step of up to so many sigma is taken from the last pass, which is linear over it.
 constexpr double last_step_sigma = 1.0;
 
 Eigen::VectorXd all_ranges(const ParameterVector& base, const std::vector<EffectColumn>& effects) {
@@ -27,8 +27,8 @@ Eigen::VectorXd all_ranges(const ParameterVector& base, const std::vector<Effect
   return ranges;
 }
 
-// Far from the solution it is enough to come within some sigma of it. Beside it, the middle of a dwell says little second by
-// second: the sigmas are 0.1 to 0.5 % larger than from every second.
+// Far from the solution some sigma are near enough. Near it, single seconds in the middle of a dwell add little: the
+// sigmas are 0.1 to 0.5 % larger than from every second.
 constexpr Coarseness far_off = {20.0, 0.05};
 constexpr Coarseness close_by = {8.0, 0.025};
 constexpr Coarseness for_noise = {8.0, 0.0};
@@ -67,12 +67,12 @@ class JointRun {
       r.allan = allan_deviation(recording_, r.parameters);
       r.start = joint_start(recording_, r.parameters);
       r.setup.headings_rad = {r.start.heading_rad};
-      // What the first pass could not linearise: a bias that turns the unit by radians in the run.
+      // A bias that turns the unit by radians in the run is beyond the linearisation of the first pass.
       if (!options_.start && r.start.N0_degph.cwiseAbs().maxCoeff() > start_limits.large_bias_degph)
         r.parameters.N0_degph = r.start.N0_degph;
       if (!options_.start && !options_.begins.empty()) start_of_each();
     }
-    // A counter of another weight than the nominal one: the table's turns say which.
+    // A pulse weight other than the nominal one shows in the table's turns.
     if (!options_.start && !beside && recording_.info.gyro_increment == IncrementKind::pulses)
       if (const double felt = felt_of_commanded(recording_);
           std::abs(felt - 1.0) > slip_nearness && clipped_turns(recording_).empty())
@@ -108,7 +108,7 @@ class JointRun {
       iterate(0.3, options_.one_step ? 1 : options_.max_iterations, options_.one_step ? close_by : for_noise_of_trials);
     } else {
       const bool settled = settle();
-      // What reads other axes than the record says may settle as well.
+      // A unit that reads other axes than the record says may settle as well.
       const Parameters from = from_vector(begin);
       const bool upright = (r.parameters.a * from.a.inverse()).diagonal().minCoeff() > 0.0;
       const std::string wrong = settled && upright ? wrong_axes(r.parameters.n * from.n.inverse())
@@ -130,7 +130,7 @@ class JointRun {
     if (options_.look_for_faults && !beside) look_for_faults();
     if (!options_.noise) measure_noise();
     const bool ended = is_open() ? iterate(0.3, options_.max_iterations, {1.0, 0.0})
-                                 : options_.candidates.empty() || iterate(0.3, 5, close_by);  // their passes are dear
+                                 : options_.candidates.empty() || iterate(0.3, 5, close_by);  // their passes are costly
     r.converged = last_passes() && (ended || !is_open());
     r.message = r.converged ? "converged" : "the last iterations still moved the parameters";
     report();
@@ -138,7 +138,7 @@ class JointRun {
   }
 
  private:
-  // What an effect explains was noise beside the fit without it: where that was much of it, once more from where it leads.
+  // The signal of an effect was noise in the fit without it: if it was much of the noise, noise and parameters are fitted again.
   void measure_noise() {
     JointResult& r = result_;
     const bool beside = options_.faults_of != nullptr;
@@ -152,7 +152,7 @@ class JointRun {
     }
   }
 
-  // Biases of several recordings: what the rests of each say, where they are far apart.
+  // Starts the biases of several recordings from the rests of each, if they are far apart.
   void start_of_each() {
     std::vector<std::size_t> ends(options_.begins.begin(), options_.begins.end());
     ends.push_back(recording_.blocks.size());
@@ -176,8 +176,8 @@ class JointRun {
     }
   }
 
-  // Gauss-Newton at the noise that is measured before the fit. Dwells of a few seconds hardly show it, and an optimum too narrow for the
-  // start is missed: then it is tried again from wider ones, and what is found there is kept if it fits and, where it can be compared, fits better.
+  // Gauss-Newton at the noise measured before the fit. Dwells of a few seconds hardly show that noise, and the start can miss a
+  // narrow optimum: then wider noise is tried. What that finds is kept if it fits and, where both can be compared, fits better.
   bool settle() {
     const Place start = place();
     const NoiseModel noise = result_.setup.noise;
@@ -200,7 +200,7 @@ class JointRun {
       if (stands && misfit_ < 0.5 * first_misfit) return true;
       result_.setup.noise = noise;
       if (!near || stands || settled || options_.noise) continue;
-      // Even there it is too narrow: the noise is fitted from the wider one.
+      // Even from there the optimum is too narrow: the noise is fitted from the wider one.
       result_.setup.noise = wide;
       go_to(found);
       return true;
@@ -215,14 +215,14 @@ class JointRun {
     return iterate(0.3, options_.max_iterations, close_by);
   }
 
-  // Where the iteration stands: parameters and the values of the effects.
+  // The point that the iteration has reached: parameters and the values of the effects.
   using Place = std::pair<Parameters, Eigen::VectorXd>;
   Place place() const { return {result_.parameters, effects_.values}; }
   void go_to(const Place& there) { std::tie(result_.parameters, effects_.values) = there; }
 
-  // Gauss-Newton until the largest step is below `tolerance` sigma. Where directions are open, a step of their ranges is far from
-  // linear and its sigma says little: a step that made things worse is taken back to a part of it, and it ends when nothing is
-  // gained any more.
+  // Gauss-Newton until the largest step is below `tolerance` sigma. Along open directions a step as large as their
+  // ranges is far from linear, and its sigma is no guide: a step that raises chi-square is shortened, and the iteration
+  // ends when it gains nothing more.
   bool iterate(double tolerance, int max_iterations, const Coarseness& coarseness) {
     constexpr double part = 0.3;
     constexpr double nothing_gained = 0.1;  // of chi-square
@@ -253,7 +253,7 @@ class JointRun {
     return false;
   }
 
-  // The step that a pass suggests. Returns the largest one in sigma; NaN where there is none.
+  // Takes the step that a pass suggests. Returns the largest one in sigma; NaN if there is none.
   double improve(const FilterResult& pass) {
     ++result_.iterations;
     solution_ = solve_subset(pass.information, pass.gradient, subset_, ranges_);
@@ -274,7 +274,7 @@ class JointRun {
     result_.parameters = from_vector(values);
   }
 
-  // How far the parameters are from where they began, in ranges, squared.
+  // Returns the squared distance of the parameters from their start, in ranges.
   double out_of_range() {
     ParameterVector values = to_vector(result_.parameters);
     double sum = 0.0;
@@ -287,9 +287,8 @@ class JointRun {
     return column < parameter_count ? parameters[column] : effects_.values[column - parameter_count];
   }
 
-  // Gauss-Newton in the determined directions alone would creep, since which ones those are turns with every linearisation.
-  // So where some are open, the plausible ranges about the start are taken for observations; what is determined does not
-  // notice them.
+  // Gauss-Newton in the determined directions alone would creep, since these turn with every linearisation. So if some
+  // are open, the plausible ranges about the start count as observations, too weak to move what is determined.
   void step_within_ranges(const FilterResult& pass, Eigen::VectorXd& step, Eigen::VectorXd& sigma) {
     const Eigen::VectorXd weight = looseness_ * Eigen::VectorXd(ranges_(subset_)).cwiseAbs2().cwiseInverse();
     ParameterVector values = to_vector(result_.parameters);
@@ -303,7 +302,7 @@ class JointRun {
     sigma = covariance.diagonal().cwiseMax(1e-300).cwiseSqrt();
   }
 
-  // One at a time, the worst first: a fault that is not cut out spoils the seconds around it.
+  // Cuts faults one at a time, the worst first: a fault that is not cut spoils the seconds around it.
   void look_for_faults() {
     for (int round = 0; round < 12; ++round) {
       FilterSetup setup = result_.setup;
@@ -317,7 +316,7 @@ class JointRun {
 
   bool is_open() const { return solution_.undetermined.cols() > 0; }
 
-  // Every second, and the candidates.
+  // Passes over every second, with the candidates.
   bool last_passes() {
     JointResult& r = result_;
     std::vector<EffectColumn> columns = options_.effects;
@@ -325,7 +324,7 @@ class JointRun {
     EffectModel with_candidates = make_effect_model(columns, {recording_.info.latitude_deg}, reference_temperature_c_);
     FilterSetup setup = r.setup;
     setup.keep_innovations = true;
-    // A trial beside a finished fit takes it over: it is a part of a sigma, and hardly another one.
+    // A trial beside a finished fit reuses its pull, which is a part of a sigma and hardly changes.
     const bool known = options_.faults_of && options_.faults_of->noise_pull.size() == parameter_count;
     r.noise_pull = known ? options_.faults_of->noise_pull
                          : pull_of_noise(recording_, r.parameters, effects_, r.setup, subset_, solution_.covariance);
@@ -334,7 +333,7 @@ class JointRun {
       setup.headings_rad = r.setup.headings_rad;
       r.last = run_filter(recording_, r.parameters, with_candidates, setup);
       r.last.gradient.head<parameter_count>() -= r.noise_pull;
-      if (is_open()) {  // where it ended it stays
+      if (is_open()) {  // open directions: no more steps
         solution_ = solve_subset(r.last.information, r.last.gradient, subset_, ranges_);
         return true;
       }
@@ -351,7 +350,8 @@ class JointRun {
     return false;
   }
 
-  // A trial beside a finished fit takes its widening over. None where directions are open: along those it is that of the ranges.
+  // Adds the unseen instability to the covariance; a trial beside a finished fit reuses that of the fit. None with open directions, where the ranges
+  // dominate.
   void widen() {
     JointResult& r = result_;
     r.unseen_instability = Eigen::MatrixXd::Zero(r.covariance.rows(), r.covariance.cols());
@@ -412,7 +412,7 @@ class JointRun {
   Eigen::VectorXd start_;  // where the parameters of the subset began
   SubsetSolution solution_;
   Eigen::VectorXd step_;  // of the subset, the last one taken
-  // Of the noise, as long as the misfit is larger: else residuals push what hardly shows in them.
+  // Weight of the ranges: 1, or the misfit where larger. Else large residuals would push parameters that they hardly show.
   double looseness_ = 1.0;
   double misfit_ = 0.0;  // chi-square an observation before the last step of iterate()
   JointResult result_;
@@ -427,7 +427,7 @@ Eigen::MatrixXd response_to_temperature(const CompressedRecording& recording, co
   const EffectModel no_effects = make_effect_model({}, {}, 0.0);
   LinearMotion motion(coarse, fit.parameters, no_effects, setup, {true, {walk_noise(setup.noise)}});
   std::vector<LinearInterval> intervals;
-  for (LinearInterval interval; motion.next(interval);) {  // behind each parameter's column the same times T - mean
+  for (LinearInterval interval; motion.next(interval);) {  // appends each parameter's column times T - mean
     const double off = double(coarse.blocks[interval.block].temperature_c) - recording.mean_temperature_c;
     LinearInterval& both = intervals.emplace_back(interval);
     for (Columns* const of : {&both.B_psi, &both.B_v, &both.D})

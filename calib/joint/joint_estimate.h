@@ -67,8 +67,8 @@ struct JointOptions {
   std::optional<std::vector<int>> free_parameters;
   bool look_for_faults = true;
   const JointResult* faults_of = nullptr;  // given: its faults and breaks are taken over, none are looked for
-  // With faults_of and noise: one Gauss-Newton step from that fit: parameters, effects' values and how many directions are open alone
-  // (left-out dwells).
+  // With faults_of and noise: takes one Gauss-Newton step from that fit (dwells left out). Sets only the parameters,
+  // the effects' values and the number of open directions.
   bool one_step = false;
   int max_iterations = 15;
 };
@@ -81,7 +81,7 @@ struct Fault {                                     // where the chain was cut, a
   double step_mps = 0.0;  // of a velocity step that no noise explains
 };
 
-struct Undetermined {  // one direction of parameter space
+struct Undetermined {  // one open direction of parameter space
   std::vector<std::pair<std::string, double>>
       combination;  // key, weight (largest first, in file units, norm 1 in ranges)
 };
@@ -102,8 +102,8 @@ struct JointResult {
   std::vector<EstimatedEffect> effects;
   std::vector<int> free;  // indices into [24 parameters, effects] of the covariance's rows
   Eigen::MatrixXd covariance;
-  Eigen::VectorXd noise_pull;          // of the 24, on the gradient: errors in variables; taken off
-  Eigen::MatrixXd unseen_instability;  // what of it a bias instability too small to be kept accounts for (noise_fit.h)
+  Eigen::VectorXd noise_pull;            // bias of the gradient by errors in variables, of the 24; removed
+  Eigen::MatrixXd unseen_instability;    // part of the covariance from a bias instability not kept (noise_fit.h)
   double reference_temperature_c = 0.0;  // of temperature effects
   NoiseModel noise;
   std::optional<NoiseFit> noise_fit;
@@ -120,26 +120,26 @@ struct JointResult {
 
 JointResult joint_estimate(const CompressedRecording& recording, const JointOptions& options = {});
 
-// What the estimate makes of parameters that go with temperature, to first order: 24 x 24, C. Column k is what each is off from its value at
-// the mean temperature where k has a slope of one of its units per C. Zero without a thermometer, and of parameters that are open.
+// Returns the first-order response of the estimate to parameters that vary with temperature: 24 x 24, C. Column k is the error of each parameter,
+// about its value at the mean temperature, for a slope of k of one unit per C. Zero without a thermometer and for undetermined parameters.
 Eigen::MatrixXd response_to_temperature(const CompressedRecording& recording, const JointResult& fit);
 
-// Linearises every chain about the heading that `pass` found for it, with the step of `columns` that was taken since. Returns the largest
-// correction in its sigma; 0 where the start does not see the heading.
+// Moves the heading about which every chain is linearised to the one that `pass` estimated, after the `step` taken
+// since in `columns`. Returns the largest correction in its sigma; 0 if the start does not observe the heading.
 double correct_headings(const FilterResult& pass, const Eigen::VectorXd& step, const std::vector<int>& columns,
                         const JointStart& start, std::vector<double>& headings_rad);
 
-// Where a recording contradicts itself, and where the joint estimate therefore cuts the chain.
+// Faults: where a recording contradicts itself, the joint estimate cuts the chain.
 //
-// Two sources: what the Compressor saw on raw samples (gaps of the counter, invalid samples, glitches), and static seconds
-// whose innovation nothing explains: nu' S^-1 nu above chi-square's one in 10^9, and ten times what nine in ten of the seconds
-// after a rotation show (so that an effect the model lacks, which pushes after every rotation, is not taken for a fault).
-// A sample of g lost or counted twice in a rotation shows as a velocity step of gravity x period up or down.
+// Two sources: the Compressor's events on raw samples (gaps of the counter, invalid samples, glitches), and static seconds whose
+// innovation nothing explains: nu' S^-1 nu above the one-in-10^9 quantile of chi-square, and above ten times the 90 % quantile of
+// the seconds after a rotation (an effect that the model lacks acts after every rotation, and must not be taken for a fault). A
+// sample of g lost or counted twice in a rotation shows as a velocity step of gravity x period up or down.
 
-// Faults the raw data show; adds a break for each that matters, in block order.
+// Returns the faults that the raw data show; adds a break for each that matters, in block order.
 std::vector<Fault> faults_from_events(const CompressedRecording& recording, std::vector<Break>& breaks);
 
-// In block order.
+// Inserts a break in block order.
 void add_break(std::vector<Break>& breaks, const Break& cut);
 
 // Finds the worst unexplained second; adds fault and break and returns true, or returns false when there is none.

@@ -32,7 +32,7 @@ constexpr double nothing_known_rad = 1.0;
 
 constexpr char filled_in[] = "filled in between the samples beside it";
 
-// Of many short gaps one line.
+// Replaces the lines of many short gaps by one.
 void gather_filled(std::vector<Fault>& faults) {
   const auto is_filled = [](const Fault& f) { return f.action == filled_in; };
   const auto first = std::ranges::find_if(faults, is_filled);
@@ -50,7 +50,7 @@ void gather_filled(std::vector<Fault>& faults) {
   faults.erase(std::remove_if(first + 1, faults.end(), is_filled), faults.end());
 }
 
-// The segment in which all the samples of a gap lie, rests counted as one; -1 when it reaches over a border of a turn.
+// Returns the segment that holds all samples of a gap, rests counted as one; -1 if the gap crosses the border of a turn.
 int segment_of_gap(const CompressedRecording& recording, std::int64_t first, std::int64_t last) {
   int found = -1;
   for (std::size_t k = 0; k < recording.segments.size(); ++k) {
@@ -63,14 +63,14 @@ int segment_of_gap(const CompressedRecording& recording, std::int64_t first, std
   return found;
 }
 
-// How well the rotation over `lost_s` at a block is known from the rates on either side (linear_motion.h fills it in so):
-// the same is tried on stretches as long nearby, where the rotation was measured. Twice the largest error.
+// Returns twice the largest error of the rotation over `lost_s` at a block as interpolated from the rates on either side (linear_motion.h
+// fills it in so). The interpolation is tried on nearby stretches of that length where the rotation was measured.
 double fill_sigma_rad(const CompressedRecording& recording, std::size_t gap, double lost_s) {
   const std::vector<Block>& blocks = recording.blocks;
   const auto usable = [&](std::size_t k) {
     return k < blocks.size() && blocks[k].segment == blocks[gap].segment && blocks[k].missing == 0;
   };
-  // Where a turn begins or ends the rate on one side says nothing.
+  // Where a turn begins or ends, the rate on one side is no guide.
   if (!usable(gap + 1) || !usable(gap - 1)) return nothing_known_rad;
   const std::size_t window = std::max<std::size_t>(1, std::size_t(std::ceil(lost_s / blocks[gap + 1].duration_s)));
   const double si = nominal_gyro_rad(recording.info);
@@ -142,7 +142,7 @@ std::vector<Fault> faults_from_events(const CompressedRecording& recording, std:
           (gyro ? recording.info.gyro_increment : recording.info.accel_increment) == IncrementKind::pulses;
       fault.what = glitch_text(event) + (counted ? fmt::format(", {:.0f} counts off its neighbours", event.size)
                                                  : fmt::format(", {:.3g} off its neighbours", event.size));
-      // Twice what the sample stands out by: half of it may lie in its neighbours.
+      // Twice the deviation of the sample: half of it may lie in its neighbours.
       cut.attitude_sigma_rad = gyro ? 2.0 * std::abs(event.size) * nominal_gyro_rad(recording.info) : 0.0;
     }
     if (event.filled && fault.action.empty()) fault.action = filled_in;
@@ -157,7 +157,7 @@ std::vector<Fault> faults_from_events(const CompressedRecording& recording, std:
       continue;
     }
     add_break(breaks, cut);
-    // What a second's mean velocity says depends on when in it the glitch was: nothing learned from that second is kept.
+    // A second's mean velocity depends on when in it the glitch was: nothing learned from that second is kept.
     if (!rotating && event.kind != DataEvent::Kind::gap && !event.left_out &&
         fault.block + 1 < recording.blocks.size()) {
       ++cut.block;
@@ -171,7 +171,7 @@ std::vector<Fault> faults_from_events(const CompressedRecording& recording, std:
 
 bool cut_worst_fault(const CompressedRecording& recording, const std::vector<Innovation>& innovations,
                      std::vector<Fault>& faults, std::vector<Break>& breaks) {
-  // What the first seconds after a rotation usually show.
+  // Usual size of the first seconds after a rotation.
   std::vector<double> after_rotation;
   for (const Innovation& i : innovations)
     if (i.block > 0 && !recording.blocks[i.block - 1].whole_second)
@@ -197,7 +197,7 @@ bool cut_worst_fault(const CompressedRecording& recording, const std::vector<Inn
   if (!in_rotation) cut.attitude_sigma_rad = 0.02;
   for (const Break& b : breaks)
     if (b.block == cut.block && b.attitude_sigma_rad >= cut.attitude_sigma_rad)
-      return false;  // cut already: it is not a matter of the chain
+      return false;  // cut there already: the chain is not the cause
   Fault fault;
   fault.block = first;
   fault.first_sample = recording.blocks[first].start_sample;

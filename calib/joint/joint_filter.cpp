@@ -24,7 +24,7 @@ Matrix3d inverse_of_lower(const Matrix3d& L) {
   return inverse;
 }
 
-// psi, v and, with bias instability, b_g, b_a; what couples them over an interval are 3x3 blocks (linear_motion.h).
+// The filter. Its state is psi, v and, with bias instability, b_g, b_a; 3x3 blocks couple them over an interval (linear_motion.h).
 template <int NS>  // 6: psi, v;  12: psi, v, b_g, b_a
 class Filter {
  public:
@@ -41,7 +41,7 @@ class Filter {
         (noise.accel_bias_instability_mps2 * noise.unstable_accels).cwiseAbs2();
   }
 
-  // `kept`: the interval's one block is an observed rest, and what the update knew of it is wanted.
+  // `kept`: the interval is one block at rest; receives the update if it is observed.
   void step(const LinearInterval& interval, FilterStep* kept = nullptr) {
     kept_ = kept;
     begin(interval);
@@ -100,7 +100,7 @@ class Filter {
     x_.template segment<3>(3) -= interval.jump_v;
     free_.template segment<3>(0) -= interval.jump_psi;
     free_.template segment<3>(3) -= interval.jump_v;
-    if (was_still_ && !interval.still) {  // a rotation begins: what is known now is all that is used
+    if (was_still_ && !interval.still) {  // a rotation begins: free_ restarts from the estimate
       free_ = x_;
       free_.template segment<3>(3) = interval.v_start;
     }
@@ -123,7 +123,7 @@ class Filter {
     Q_.template block<3, 3>(3, 3) = q.v_v;
 
     // Mean velocity = y + H (psi, v, b_g, b_a) with H = [by_psi, I, by_bg, by_ba]
-    const bool predicted = i.observed || setup_.keep_innovations;  // left out, but looked at
+    const bool predicted = i.observed || setup_.keep_innovations;  // left out, but predicted
     const Matrix3d by_psi = -0.5 * t * i.F;
     Matrix3d by_bg, by_ba;
     if constexpr (NS == 12) {
@@ -186,7 +186,7 @@ class Filter {
     P_ = (0.5 * (P_ + P_.transpose())).eval();
   }
 
-  // The transition times a matrix of NS rows.
+  // Returns the transition times a matrix of NS rows.
   template <class Rows>
   Rows moved(const LinearInterval& i, const Rows& rows) const {
     Rows result;
@@ -204,7 +204,7 @@ class Filter {
     return result;
   }
 
-  // State and covariance over the interval; Q_ is what enters.
+  // Predicts state and covariance over the interval; Q_ is the noise that enters.
   void predict(const LinearInterval& i) {
     x_ = moved(i, x_);
     if (setup_.keep_innovations) free_ = moved(i, free_);
@@ -277,7 +277,7 @@ class Filter {
   bool was_still_ = false;
   double rho_ = 1.0;            // decay of b_g, b_a over the interval
   State x_ = State::Zero();     // estimated error of the navigated motion
-  State free_ = State::Zero();  // the same, as known when the last rotation began; for the reports
+  State free_ = State::Zero();  // the same, without updates since the last rotation began; for reports
   Covariance P_;
   Matrix6d Q_;                                   // of psi, v
   Eigen::Matrix<double, Eigen::Dynamic, NS> X_;  // p x NS

@@ -41,11 +41,11 @@ struct FilterSetup {
   double initial_heading_sigma_rad = 1.0;
   double initial_velocity_sigma_mps = 1e-3;
   Eigen::Matrix3d mounting = Eigen::Matrix3d::Identity();  // C_nb = C(table angles) mounting
-  // About what heading each chain is linearised: added to the commanded one. Missing ones are as the first.
+  // Heading about which each chain is linearised, added to the commanded one; missing entries equal the first.
   std::vector<double> headings_rad;
   bool with_columns = true;  // false: only the innovations
   bool keep_innovations = false;
-  bool keep_taken_off = false;   // to apply effects
+  bool keep_taken_off = false;   // for applying effects
   bool keep_steps = false;       // for tests of lack of fit: the same filter can be run backward
   std::vector<Break> breaks;     // in block order
   std::vector<char> unobserved;  // a block marked 1 is not observed though it is a static second (left-out dwells)
@@ -53,20 +53,20 @@ struct FilterSetup {
 
 // A recording in fewer blocks, for passes that need not look at every second.
 //
-// Blocks merge exactly (merge() of compression.h), so what is lost is only where in a longer interval something happened.
-// At rest the noise of the mean velocity over t seconds is that of the velocity random walk until about 20 s, from where the
-// angle random walk outweighs it: seconds in the middle of a dwell say little one by one. Those beside a turn tell the
-// velocity at its ends and stay as they are: the interval that begins s seconds after a turn, or ends s before the next,
-// is at most max(1, s) long. In turns the formulas of block_motion.h hold up to about 0.1 rad a block; where they are steady the blocks
-// are long as they come (compression.h), so what is merged here is what a turn does while it begins and ends.
-// Nothing is merged across the border of a segment, a gap, a Break or a change of FilterSetup::unobserved.
+// Blocks merge exactly (merge() of compression.h); only the place of an event within a longer interval is lost. At rest
+// the velocity random walk dominates the mean velocity over t seconds until about 20 s, where the angle random walk
+// takes over: single seconds in the middle of a dwell add little. Those beside a turn determine the velocity at its
+// ends and stay as they are: the interval that begins s seconds after a turn, or ends s before the next, is at most
+// max(1, s) long. In turns the formulas of block_motion.h hold up to about 0.1 rad a block. Steady turns already come
+// in long blocks (compression.h); merging affects the beginning and end of a turn. Nothing is merged across the border
+// of a segment, a gap, a Break or a change of FilterSetup::unobserved.
 struct Coarseness {
   double rest_s = 8.0;    // longest interval at rest
   double turn_rad = 0.0;  // blocks of a turn together turn the unit by this much; 0: they stay as they are
 };
-// For scores of hundreds of columns, and of pieces of rest. What is nominated is fitted on every second.
+// For scoring hundreds of columns, and pieces of rest. Named effects are fitted on every second.
 inline constexpr Coarseness coarseness_of_scores = {8.0, 0.0};
-// `setup`: its breaks and unobserved blocks become those of the coarser recording.
+// Merges blocks. `setup`: its breaks and unobserved blocks become those of the coarser recording.
 CompressedRecording coarser(const CompressedRecording& recording, const Coarseness& coarseness, FilterSetup& setup);
 
 // One static second as the filter saw it.
@@ -78,13 +78,13 @@ struct Innovation {
   Eigen::Vector3d free_velocity_mps;  // mean velocity navigated freely since the last rotation began, n frame
 };
 
-// What the effects of the model read over a block without the unit having moved so.
+// What the effects of the model add to the readings over a block, without motion of the unit.
 struct TakenOff {
   Eigen::Vector3d turn_rad = Eigen::Vector3d::Zero();
   Eigen::Vector3d push_mps = Eigen::Vector3d::Zero();
 };
 
-// What readings of gyros and accelerometers that are too large by a constant add to psi and v (n frame) by the end of a block, or later.
+// Derivatives of psi and v (n frame), by the end of a block or later, by a constant excess in the readings of gyros and accelerometers.
 using JumpByReadings = Eigen::Matrix<double, 6, 6>;
 
 // One block as the filter linearised it: with these the same filter can be run backward.
@@ -115,22 +115,22 @@ struct FilterResult {
   std::vector<Innovation> left_out;  // of unobserved static seconds: predicted, not used (with keep_innovations)
   std::vector<TakenOff> taken_off;   // of every block, with keep_taken_off
   std::vector<FilterStep> steps;     // of every block from the first rest on, with keep_steps
-  // Of each chain: how far the heading it was linearised about is off, as estimated by its end, and the sigma of that.
+  // Per chain: the error of the heading about which it was linearised, as estimated at its end, and the sigma.
   std::vector<double> heading_error_rad, heading_sigma_rad;
-  std::vector<Eigen::VectorXd> heading_by_parameter;  // and how that error changes with each column's parameter
+  std::vector<Eigen::VectorXd> heading_by_parameter;  // derivatives of that error by the parameters of all columns
 };
 
-// `effects`: the candidate columns beside the 24 (may be empty) and the values that are already in the model.
+// Runs the filter. `effects`: the candidate columns beside the 24 (may be empty), and the values already in the model.
 FilterResult run_filter(const CompressedRecording& recording, const Parameters& parameters, const EffectModel& effects,
                         const FilterSetup& setup);
 
-// The same for several noise models at once, whose random walks are alike: they differ in bias instability. Steps are those of the first.
+// The same for several noise models that differ in bias instability alone. The steps are those of the first.
 std::vector<FilterResult> run_filter(const CompressedRecording& recording, const Parameters& parameters,
                                      const EffectModel& effects, const FilterSetup& setup,
                                      const std::vector<NoiseModel>& noises);
 
-// The same on intervals that were made once (linear_motion.h), for one noise model after another: the noise of a turn is
-// the sum of its sources' with these weights, and of what has no weight.
+// The same on intervals made once (linear_motion.h), for one noise model after another: the noise of a turn is the sum
+// of its sources with these weights, and of sources without a weight.
 struct LinearInterval;
 FilterResult run_filter(const std::vector<LinearInterval>& intervals, const FilterSetup& setup,
                         const std::vector<double>& source_weights);

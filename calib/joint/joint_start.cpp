@@ -114,7 +114,7 @@ JointStart joint_start(const CompressedRecording& recording, const Parameters& p
     A += rest.t * row.transpose() * row;
     b += rest.t * row.transpose() * (rest.rate - C.row(1).transpose() * earth.y());
   }
-  // A rate that the rests do not separate from the earth's stays at zero: eigenvalues in seconds, of rests in two headings.
+  // Biases that the rests do not separate from the Earth's rate stay at zero. The eigenvalues are in seconds at rest.
   const SymmetricEigen eigen = symmetric_eigen(A);
   Eigen::Matrix<double, 5, 1> inverse = eigen.values.cwiseMax(1e-9).cwiseInverse();
   for (int k = 0; k < 5; ++k)

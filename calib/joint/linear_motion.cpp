@@ -8,10 +8,10 @@ namespace {
 using Eigen::Matrix3d;
 using Eigen::Vector3d;
 
-// Further from the navigated attitude nothing is linearised.
+// Largest distance of the attitude of linearisation from the navigated one.
 constexpr double max_linear_rad = 0.02;
-// A rest is levelled again when it has tilted by this much: a gyro bias far from its value, a random walk of degrees. The vertical
-// force is g (1 - tilt^2 / 2), which is not linear: 5e-7 of it.
+// Tilt at which a rest is levelled again, from a gyro bias far off or a random walk of degrees. The vertical force g (1
+// - tilt^2 / 2) is not linear in the tilt: 5e-7 of g.
 constexpr double max_tilt_rad = 0.001;
 
 }  // namespace
@@ -106,7 +106,7 @@ WalkNoise LinearMotion::filled_in(const Block& block) const {
   return {rate(block.gyro_filled, model_.gyro_scale), rate(block.accel_filled, model_.accel_scale)};
 }
 
-// What the neighbours did is taken for what happened in a gap; the Break beside it says how far that may be wrong.
+// Fills a gap with the mean motion of its neighbours; the Break beside it says how far that may be wrong.
 void LinearMotion::fill_gap(std::size_t index, BlockMotion& motion) const {
   const Block& block = recording_.blocks[index];
   if (block.missing == 0) return;
@@ -130,7 +130,7 @@ void LinearMotion::effects_on(std::size_t index, BlockMotion& motion) {
   BlockState s;
   s.w_b = motion.rotation / t;
   s.f_b = model_.accel_scale * block.accel / t - model_.accel_bias_mps2;
-  // Over a turn the changes of the rate add up to none, however fast the table takes it up.
+  // Over a turn the differences of the rate sum to zero, however abruptly the table accelerates.
   s.w_dot_b.setZero();
   if (!block.whole_second && index + 1 < recording_.blocks.size())
     s.w_dot_b = model_.gyro_scale * (recording_.blocks[index + 1].gyro_at_start - block.gyro_at_start) /
@@ -169,7 +169,7 @@ BlockMotion LinearMotion::block_motion(std::size_t index) {
   return motion;
 }
 
-// Up to second order of the rotation; psi turns v with the force that was read.
+// Returns the derivatives to second order in the rotation; psi turns v with the measured force.
 JumpByReadings LinearMotion::jump_by_readings(const BlockMotion& motion, double t) const {
   JumpByReadings jump = JumpByReadings::Zero();
   jump.topLeftCorner<3, 3>() = t * linear_C_nb_ * left_jacobian(motion.rotation);
@@ -178,7 +178,7 @@ JumpByReadings LinearMotion::jump_by_readings(const BlockMotion& motion, double 
   return jump;
 }
 
-// What the parameters do to (psi, v) over a block. What an effect is said to read is taken off.
+// Propagates the columns of (psi, v) over a block. Effects enter negatively: the model takes them off.
 void LinearMotion::move_columns(const Block& block, const BlockMotion& motion, const Matrix3d& turn_n,
                                 LinearInterval& interval) {
   const double t = block.duration_s;
@@ -199,7 +199,7 @@ void LinearMotion::move_columns(const Block& block, const BlockMotion& motion, c
   add_product(pushed_, less.bottomRightCorner<3, 3>(), interval.B_v.bottomRows(n));
 }
 
-// And to the mean velocity over a block at rest, which move_columns() has seen.
+// Sets the columns of the mean velocity over a block at rest, after move_columns().
 void LinearMotion::mean_columns(const BlockMotion& motion, const Matrix3d& to_n, double t, LinearInterval& interval) {
   interval.D.resize(p_, 3);
   set_product(base_.mean_velocity, to_n, interval.D.topRows<parameter_count>());
@@ -211,7 +211,7 @@ void LinearMotion::mean_columns(const BlockMotion& motion, const Matrix3d& to_n,
   add_product(pushed_, by_pushed, interval.D.bottomRows(n));
 }
 
-// The first second of a rest: the navigated motion is levelled on it and stands still.
+// On the first second of a rest, levels the navigated motion and stops it.
 void LinearMotion::begin_rest(const Block& block, const BlockMotion& motion, LinearInterval& interval) {
   const Vector3d f_b = motion.velocity / motion.velocity.norm() * gravity_;
   if (chain_due_) {
@@ -243,7 +243,7 @@ void LinearMotion::begin_rest(const Block& block, const BlockMotion& motion, Lin
   if ((linear_C_nb_ - C_nb_).squaredNorm() > 2.0 * max_linear_rad * max_linear_rad) linear_C_nb_ = C_nb_;
 }
 
-// The turn of n is the same for most blocks: they are as long.
+// The turn of n is cached: most blocks are equally long.
 StepTurn LinearMotion::step_turn(const BlockMotion& motion, double t) {
   if (t != turned_for_s_) {
     turn_n_ = rotation_exp(-earth_ * t);
@@ -334,7 +334,7 @@ void LinearMotion::turn(LinearInterval& interval) {
     interval.v_psi -= Ft * interval.turn;
     interval.turn = T * interval.turn;
     rho *= std::exp(-t / setup_.noise.bias_correlation_s);
-    // What was filled in is one more source, of a size that is known.
+    // Filled-in samples are one more source, of known size.
     if (!block.gyro_filled.isZero(0.0F) && interval.noise.size() == options_.sources.size())
       interval.noise.push_back({Matrix3d::Zero(), Matrix3d::Zero(), Matrix3d::Zero()});
     for (std::size_t k = 0; k < interval.noise.size(); ++k) {

@@ -2,15 +2,15 @@
 //
 // The recording is navigated once with given parameters and cut into intervals: blocks at rest, and everything between two rests in one.
 // The state is the error of the navigated motion,
-//   psi (attitude error in n, C_computed = (I + [psi x]) C_true), v (velocity), b_g, b_a (what the sensors read too much),
+// psi (attitude error in n, C_computed = (I + [psi x]) C_true), v (velocity), b_g, b_a (excess readings of the sensors),
 // and over an interval, with p the parameters and effects' values,
 //   psi(end) = turn psi + psi_bg b_g + B_psi dp,       v(end) = v + v_psi psi + v_bg b_g + v_ba b_a + B_v dp
 //   mean v (at rest) = y = v + v_psi psi / 2 + ... + D dp: what should be zero
-// The navigation is closed: at the beginning of every rest the motion is levelled and stands still. How far it jumps is known (jump_psi,
-// jump_v), so nothing is lost, and psi stays small. A chain is what one attitude carries through: it begins at the first rest, and anew
-// after a break across which nothing is known, with the commanded heading plus FilterSetup::headings_rad.
-// The transitions are evaluated along an attitude that does not jump: else every jump would look like a turn of the unit, and directions
-// that nothing excites would seem determined (first-estimates Jacobians: Huang, Mourikis, Roumeliotis, Int. J. Rob. Res. 29 (2010) 502).
+// The navigation is closed: at the beginning of every rest the motion is levelled and stopped. The jump is known (jump_psi, jump_v), so
+// nothing is lost, and psi stays small. A chain is a stretch that one attitude is carried through. It begins at the first rest, and anew
+// after a break across which nothing is known, with the commanded heading plus FilterSetup::headings_rad. The transitions are evaluated
+// along an attitude that does not jump: else every jump would look like a turn of the unit, and directions that nothing excites would seem
+// determined (first-estimates Jacobians: Huang, Mourikis, Roumeliotis, Int. J. Rob. Res. 29 (2010) 502).
 #pragma once
 
 #include <algorithm>
@@ -33,7 +33,7 @@ namespace turncal {
 // Error state (psi, v), psi with C_computed = (I + [psi x]) C_true, over the step with specific force f_n, F = [f_n x]:
 //   psi(end) = Exp(-w_ie t) psi,  v(end) = v - F t psi,  mean v = v - F t/2 psi
 // Not modelled: Coriolis on v, curvature of the earth (v is centimetres a second, for seconds).
-// What turns over a step, whatever the attitude.
+// Rotations over a step that do not depend on the attitude.
 struct StepTurn {
   Eigen::Matrix3d turn_n;  // Exp(-w_ie t)
   Eigen::Matrix3d half;    // Exp(rotation / 2)
@@ -84,17 +84,17 @@ inline StepNoise step_noise(const Eigen::Matrix3d& W, const Eigen::Matrix3d& V, 
   return q;
 }
 
-// The whole number next to x, |x| < 2^51: as std::round but where it has a choice, without a call of the library.
+// Returns the integer nearest to x, |x| < 2^51: std::round except for ties, without a library call.
 inline double nearest(double x) {
   constexpr double whole_from_here = 6755399441055744.0;  // 1.5 * 2^52
   return (x + whole_from_here) - whole_from_here;
 }
 
-// Quantisation noise of the mean velocity over N samples that hold `counts` pulses. The count is short of the truth by a sawtooth
-// of one pulse, -sum sin(2 pi k x) / pi k, that begins anywhere and is sampled every s teeth, s the counts a sample. Of harmonic k
-// the mean over N samples keeps sin(pi k s N) / N sin(pi k s): all of it where k s is whole, else, s N not known to a part of a
-// tooth, in the mean square 1 / 2 (N sin(pi k s))^2. Many fine teeth: pulse^2 / 360 (s N)^2. Of the harmonics above the eighth one in N
-// is near a whole number.
+// Returns the quantisation variance of the mean velocity over N samples that hold `counts` pulses. The count lags the
+// truth by a sawtooth of one pulse, -sum sin(2 pi k x) / pi k, of unknown phase, sampled every s teeth, s the counts a
+// sample. The mean over N samples keeps the factor sin(pi k s N) / N sin(pi k s) of harmonic k: all of it where k s is
+// whole; else, since s N is not known to a part of a tooth, 1 / 2 (N sin(pi k s))^2 in the mean square. Many fine
+// teeth: pulse^2 / 360 (s N)^2. Of the harmonics above the eighth one in N is near a whole number.
 inline double quantisation_variance(double counts, int samples, double pulse) {
   constexpr double pi_square = 9.8696044010893586;
   const double s = counts / samples;
@@ -118,7 +118,7 @@ struct WalkNoise {
 };
 WalkNoise walk_noise(const NoiseModel& noise);
 
-// A turn (rad) and a push (m/s) that the sensors read but the unit did not make, off the motion over a block.
+// Removes a rotation (rad) and a velocity (m/s) that the sensors read but the unit did not make from the motion over a block.
 void take_off(const Eigen::Vector3d& turn, const Eigen::Vector3d& push, BlockMotion& motion);
 
 // One row a parameter, so that all of them move through a 3x3 product together.
@@ -142,8 +142,8 @@ struct LinearInterval {
   Eigen::Matrix3d C, F;
   Eigen::Vector3d y, quantisation;
   Columns D;
-  WalkNoise filled;  // of the samples that were filled in, body axes
-  // not still: covariance of the noise that enters, one for each WalkNoise asked for; behind them, where samples were filled in, that of these
+  WalkNoise filled;  // noise of filled-in samples, body axes
+  // not still: covariance of the noise that enters, one per source asked for; then that of filled-in samples, if there are any
   struct Entered {
     Eigen::Matrix3d psi_psi, psi_v, v_v;
   };
@@ -154,7 +154,7 @@ class LinearMotion {
  public:
   struct Options {
     bool columns = true;
-    std::vector<WalkNoise> sources;  // noise of the turns is given for each of them
+    std::vector<WalkNoise> sources;  // the noise of turns is given for each
   };
   LinearMotion(const CompressedRecording& recording, const Parameters& parameters, const EffectModel& effects,
                const FilterSetup& setup, const Options& options);
@@ -193,8 +193,8 @@ class LinearMotion {
   const ParameterVector unit_;
   const Eigen::Vector3d earth_;
   const double gravity_;
-  // [f_n x]. The station stands still, so what the specific force is in n is known, in turns as well. As navigated it would
-  // have the horizontal part g times the tilt, and that would seem to tell the heading.
+  // [f_n x]. The station stands still, so the specific force in n is known, in turns as well. The navigated one has a
+  // horizontal part, g times the tilt, which would make the heading seem observable.
   const Eigen::Matrix3d F_;
   const int p_;
   const bool nothing_taken_off_;  // effects are candidates only
@@ -203,7 +203,7 @@ class LinearMotion {
   std::vector<Break>::const_iterator cut_;
   int chain_ = 0;
   bool chain_due_ = true;
-  int of_recording_ = 0;  // of several
+  int of_recording_ = 0;  // index of the recording
   bool recording_due_ = false;
   std::size_t recording_begin_ = 0;  // its first block
   bool was_still_ = false;
@@ -211,17 +211,17 @@ class LinearMotion {
   Eigen::Matrix3d linear_C_nb_ = Eigen::Matrix3d::Identity();
   Eigen::Vector3d v_ = Eigen::Vector3d::Zero();
   double turned_for_s_ = -1.0;
-  Eigen::Matrix3d turn_n_ = Eigen::Matrix3d::Identity();  // over so long
+  Eigen::Matrix3d turn_n_ = Eigen::Matrix3d::Identity();  // Exp(-w_ie t) for t = turned_for_s_
   Columns before_;                                        // B_psi before the block
-  Columns turned_, pushed_;  // what one unit of each effect turns and pushes a second in the block, body frame
+  Columns turned_, pushed_;  // rate and force of one unit of each effect in the block, body frame
   BlockDerivatives base_;
   EffectRegressors regressors_;
   double last_rotation_end_s_ = -1e9;
 };
 
-// Products of three columns, a row a parameter, with a 3x3 matrix: what moves the columns of all parameters together.
+// Products of three columns (a row per parameter) with a 3x3 matrix: they propagate the columns of all parameters together.
 //
-// All three results of a row are made while its three values are at hand; a general product goes over the rows three times.
+// All three results of a row are computed while its values are at hand; a general product passes over the rows three times.
 
 // to (+)= from * by, n rows; columns are `stride` apart and do not overlap.
 template <bool add>
@@ -243,7 +243,7 @@ inline void column_product(const double* __restrict from, Eigen::Index from_stri
   }
 }
 
-// Of columns of matrices: from.middleCols<3>(at) and so on, each with a data() and an outerStride().
+// On columns of matrices: from.middleCols<3>(at) and so on, each with a data() and an outerStride().
 template <class From, class To>
 inline void set_product(const From& from, const Eigen::Matrix3d& by, To&& to) {
   column_product<false>(from.data(), from.outerStride(), by, to.data(), to.outerStride(), to.rows());

@@ -19,15 +19,15 @@ using Eigen::MatrixXd;
 using Eigen::Vector3d;
 using Eigen::VectorXd;
 
-constexpr double of_sure = 4.0;  // limits of an instability: one that gains so much is surely there
+constexpr double of_sure = 4.0;  // times instability_gain: an instability that gains so much is certain
 constexpr int walks = 6;         // variances of ARW x y z, VRW x y z
-constexpr int sources = 8;       // and of gyro and accelerometer bias instability
+constexpr int sources = 8;       // then those of gyro and accelerometer bias instability
 using Variances = Eigen::Matrix<double, sources, 1>;
 
 // Variances that move together: one index, or the three axes of a triad.
 using Group = std::vector<int>;
 
-// The recording made linear once, and how likely it is under one noise model after another.
+// The linearised recording, and its likelihood under one noise model after another.
 class RestrictedLikelihood {
  public:
   struct Run {
@@ -36,7 +36,7 @@ class RestrictedLikelihood {
     std::vector<Vector3d> nu;  // m/s
     std::vector<Matrix3d> S;
     Eigen::MatrixXd covariance;  // of the free parameters
-    Eigen::VectorXd estimate;    // of them, from where the recording was made linear
+    Eigen::VectorXd estimate;    // of them, from the point of linearisation
   };
 
   RestrictedLikelihood(const CompressedRecording& recording, const Parameters& parameters, const EffectModel& effects,
@@ -96,14 +96,14 @@ struct Derivatives {
   MatrixXd information;
 };
 
-// A bias instability that would move psi as much as the random walk does in tau_b: its natural unit.
+// Returns the variance of a bias instability that moves psi as much as the random walk does in tau_b: its natural unit.
 double natural_unit(const Variances& s, int k, double tau) { return s.segment<3>(k == 6 ? 0 : 3).mean() / tau; }
 
 void move(const Group& group, double delta, Variances& s) {
   for (const int k : group) s[k] = std::max(s[k] + delta, k < walks ? 0.05 * s[k] : 0.0);
 }
 
-// By differences, a run a group. `now`: at s.
+// Computes the derivatives by differences, one run per group. `now`: the run at s.
 Derivatives derivatives(RestrictedLikelihood& likelihood, const RestrictedLikelihood::Run& now,
                         const std::vector<Group>& groups, double tau, const Variances& s) {
   const Eigen::Index n = groups.size();
@@ -117,7 +117,7 @@ Derivatives derivatives(RestrictedLikelihood& likelihood, const RestrictedLikeli
     moved.push_back(likelihood(t));
   }
   Derivatives result = {VectorXd::Zero(n), MatrixXd::Zero(n, n)};
-  for (Eigen::Index k = 0; k < n; ++k)  // what the parameters take with them
+  for (Eigen::Index k = 0; k < n; ++k)  // part of the parameters' information
     result.gradient[k] = 0.5 * (moved[k].log_det_information - now.log_det_information) / step[k];
   std::vector<Matrix3d> A(groups.size());
   std::vector<Vector3d> d(groups.size());
@@ -137,7 +137,7 @@ Derivatives derivatives(RestrictedLikelihood& likelihood, const RestrictedLikeli
   return result;
 }
 
-// Of larger groups, each made of some of `groups`.
+// Sums derivatives over larger groups, each a union of some of `groups`.
 Derivatives together(const Derivatives& d, const std::vector<Group>& groups, const std::vector<Group>& larger) {
   MatrixXd in = MatrixXd::Zero(d.gradient.size(), larger.size());
   for (std::size_t k = 0; k < groups.size(); ++k)
@@ -146,8 +146,8 @@ Derivatives together(const Derivatives& d, const std::vector<Group>& groups, con
   return {in.transpose() * d.gradient, in.transpose() * d.information * in};
 }
 
-// The step that scoring suggests, and what -2 ln L_R would fall by were it quadratic. Variances that stand at zero and want to fall are
-// held there.
+// The step of Fisher scoring, and the fall of -2 ln L_R were it quadratic. Variances at zero that would fall are held
+// there.
 struct Suggestion {
   VectorXd step;
   double gain = 0.0;
@@ -171,12 +171,12 @@ struct Scoring {
   MatrixXd information;
 };
 
-// Fisher scoring of the groups' variances, in place. It ends where the likelihood did as the quadratic promised: what is left is of the
-// order of their difference; or where -2 ln L_R is sure to stay above `enough`. `now`: the run at s, before and after.
+// Fisher scoring of the groups' variances, in place. It ends where the likelihood follows the quadratic prediction, since what remains is
+// of the order of their difference, or where -2 ln L_R is certain to stay above `enough`. `now`: the run at s, on entry and on return.
 constexpr int most_iterations = 6;
 Scoring score(RestrictedLikelihood& likelihood, const std::vector<Group>& groups, double tau, int max_iterations,
               Variances& s, RestrictedLikelihood::Run& now, double enough = std::numeric_limits<double>::infinity()) {
-  constexpr double nothing = 0.0005, little = 0.2;  // of 2 ln L: a step for so little that fails is not tried again
+  constexpr double nothing = 0.0005, little = 0.2;  // of 2 ln L: a failed step for so little is not retried
   Scoring result;
   result.converged = groups.empty();
   for (int iteration = 0; iteration < max_iterations && !result.converged; ++iteration) {
@@ -198,7 +198,7 @@ Scoring score(RestrictedLikelihood& likelihood, const std::vector<Group>& groups
       better = next.value < now.value + 1e-6;
       if (to.gain < little) break;
     }
-    if (!better) {  // there already, when scoring did not expect to gain anything to speak of
+    if (!better) {  // converged already, if scoring expected hardly any gain
       result.converged = to.gain < 0.5;
       break;
     }
@@ -211,14 +211,14 @@ Scoring score(RestrictedLikelihood& likelihood, const std::vector<Group>& groups
   return result;
 }
 
-// What an instability that was not kept adds to the covariance all the same: the mean over what it may be, weighed by
-// likelihood and prior, less the covariance without it.
+// Returns what an instability that was not kept still adds to the covariance: the mean over its possible sizes,
+// weighted by likelihood and prior, less the covariance without it.
 Eigen::MatrixXd unseen_instability(RestrictedLikelihood& likelihood, const RestrictedLikelihood::Run& without,
                                    const Variances& s, int triad, double tau) {
   const double usual = triad == 0 ? noise_limits.usual_gyro : noise_limits.usual_accel;
   constexpr std::array sizes = {0.8, 1.6, 2.6, 4.0, 6.0};  // of the usual one
   const double unit = usual * usual * s.segment<3>(3 * triad).mean() / tau;
-  double sum = 0.5 * sizes[0];  // of the weights, with none: the first of the trapezoids' corners
+  double sum = 0.5 * sizes[0];  // of the weights, with none: the first corner of the trapezoids
   Eigen::MatrixXd more = Eigen::MatrixXd::Zero(without.covariance.rows(), without.covariance.cols());
   for (std::size_t k = 0; k < sizes.size(); ++k) {
     Variances t = s;
@@ -229,7 +229,7 @@ Eigen::MatrixXd unseen_instability(RestrictedLikelihood& likelihood, const Restr
     const Eigen::VectorXd moved = run.estimate - without.estimate;
     more += weight * (run.covariance - without.covariance + moved * moved.transpose());
     sum += weight;
-    if (weight < 1e-3 * sum) break;  // a larger one has a tenth of that and less
+    if (weight < 1e-3 * sum) break;  // a larger one has at most a tenth of that
   }
   return more / sum;
 }
@@ -248,7 +248,7 @@ NoiseFit fit_noise(const CompressedRecording& recording, const Parameters& param
       std::pow(setup.noise.gyro_bias_instability_radps, 2), std::pow(setup.noise.accel_bias_instability_mps2, 2);
   NoiseFit fit;
 
-  // One value a triad first: three sensors of a kind. Axes get values of their own where they demonstrably differ.
+  // First one value per triad, since its sensors are of a kind. Axes get values of their own where they demonstrably differ.
   const std::vector<Group> axes = {{0}, {1}, {2}, {3}, {4}, {5}};
   std::vector<Group> of_walks = {{0, 1, 2}, {3, 4, 5}};
   if (options.near_start && (differ(s.segment<3>(0)) || differ(s.segment<3>(3))))
@@ -273,7 +273,7 @@ NoiseFit fit_noise(const CompressedRecording& recording, const Parameters& param
   // The walks alone first: six states, not twelve.
   Scoring scoring;
   if (none_yet && !(options.near_start && look_for_instability)) scoring = estimate(false, false);
-  // There the score says whether an instability, or a value an axis, could gain anything to speak of.
+  // At their optimum the score shows whether an instability, or a value per axis, could gain anything to speak of.
   if (none_yet && (look_for_instability || axes_may_differ)) {
     std::vector<Group> finest = axes_may_differ ? axes : of_walks;
     if (look_for_instability) finest.insert(finest.end(), {{6}, {7}});
@@ -293,8 +293,8 @@ NoiseFit fit_noise(const CompressedRecording& recording, const Parameters& param
     axes_promise_more = axes_may_differ && !surely_an_instability;
     if (!look_for_instability && options.near_start) scoring = estimate(false, false);
   }
-  // Would six values say more than chance (4 more degrees of freedom)? One step may stop short of what they gain: one axis may have a
-  // sixteenth of another's variance.
+  // Do six values gain more than chance (4 more degrees of freedom)? One step may fall short of their gain: one axis
+  // may have a sixteenth of another's variance.
   const auto take_axes_that_differ = [&](int steps) {
     axes_may_differ = false;
     Variances apart = s;
@@ -307,14 +307,14 @@ NoiseFit fit_noise(const CompressedRecording& recording, const Parameters& param
     now = std::move(run);
     if (!look_for_instability) scoring = six;
   };
-  // Before an instability that is hardly there: it would take a part of what the axes gain, and be dropped afterwards.
+  // Tried before a marginal instability, which would absorb part of the axes' gain and be dropped afterwards.
   if (axes_may_differ && axes_promise_more) take_axes_that_differ(4);
   if (look_for_instability) scoring = estimate(true, true);
   if (axes_may_differ) {
     take_axes_that_differ(1);
     if (fit.axes_differ) scoring = estimate(options.bias_instability, options.bias_instability);
   }
-  // Is each instability there? The likelihood without it, everything else fitted again.
+  // Is each instability there? Compares the likelihood without it, with everything else fitted again.
   bool kept[2] = {s[6] > 0.0, s[7] > 0.0};
   for (const int triad : {0, 1}) {
     if (!kept[triad]) continue;
@@ -370,7 +370,7 @@ Eigen::VectorXd pull_of_noise(const CompressedRecording& recording, const Parame
     const auto row = found - free.begin();
     const double sigma = std::sqrt(covariance(row, row));
     const double value = values[scale_factor_parameters[k]];
-    if (3.0 * all * sigma < negligible * std::abs(value)) continue;  // were all of S this one's
+    if (3.0 * all * sigma < negligible * std::abs(value)) continue;  // bound: as if S were all of this sensor
     if (!log_determinant) log_determinant = pass(at.noise);
     NoiseModel louder = at.noise;
     (k < 3 ? louder.angle_random_walk : louder.velocity_random_walk)[k % 3] *= std::sqrt(1.0 + step);
@@ -386,11 +386,11 @@ NoiseModel start_noise(const CompressedRecording& recording, const AllanResult& 
   const bool accel_pulses = recording.info.accel_increment == IncrementKind::pulses;
   if (gyro_pulses) noise.gyro_pulse_rad = model.gyro_scale(0, 0);
   if (accel_pulses) noise.accel_pulse_mps = recording.info.accel_pulse_mps;
-  // Of the axes of a triad the noisiest stands for all three: in dwells of 100 s an axis that counts close to a whole number
-  // of pulses a sample can look three times too quiet, and what follows would be taken for faults.
+  // The noisiest axis of a triad stands for all three: in dwells of 100 s an axis that counts close to a whole number
+  // of pulses per sample can look three times too quiet, and its later noise would be taken for faults.
   double gyro = gyro_pulses ? 0.02 * noise.gyro_pulse_rad : 1e-9;
   double accel = accel_pulses ? 0.02 * noise.accel_pulse_mps : 1e-8;
-  // Where no dwell is long enough for the fit, what neighbouring seconds differ by, quantisation included.
+  // Where no dwell is long enough for the fit: the difference of neighbouring seconds, quantisation included.
   constexpr double shortest_dwell_s = 3.0;
   const bool fitted = allan.total_s > 0.0;
   const AllanResult brief = fitted ? allan : allan_deviation(recording, from, shortest_dwell_s);

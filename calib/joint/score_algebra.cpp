@@ -9,7 +9,7 @@
 namespace turncal {
 namespace {
 
-// Inverse of the group's part of Q on its well-determined directions, in units of its diagonal.
+// The group's part of Q, scaled to a unit diagonal, in its eigendirections above `floor`.
 struct Partial {
   Eigen::VectorXd scale;
   Eigen::MatrixXd directions;  // columns
@@ -41,7 +41,7 @@ Scores eliminate(const Eigen::MatrixXd& information, const Eigen::VectorXd& grad
   if (!base.empty()) {
     const Eigen::VectorXd scale = A_bb.diagonal().cwiseMax(1e-300).cwiseSqrt().cwiseInverse();
     const Eigen::MatrixXd unit = scale.asDiagonal() * A_bb * scale.asDiagonal();
-    // An undetermined base direction must not blow up: its eigenvalue is lifted by a hair.
+    // The eigenvalue of an undetermined base direction is lifted by a hair, so that its inverse stays finite.
     const Eigen::MatrixXd right = scale.asDiagonal() * A_bc;
     const Eigen::MatrixXd solved =
         solve_symmetric(unit + 1e-13 * Eigen::MatrixXd::Identity(unit.rows(), unit.cols()), right);
@@ -69,7 +69,7 @@ ParameterVector plausible_ranges(const NoiseModel& noise, double static_s) {
   const double t = std::max(static_s, 1.0);
   const double arw = noise.angle_random_walk.maxCoeff();
   const double vrw = noise.velocity_random_walk.maxCoeff();
-  constexpr double turn_s = 36.0;  // in which the unit turns once
+  constexpr double turn_s = 36.0;  // time of one revolution
   const double bias = arw / std::sqrt(t) / radps_per_degph;
   const double force = vrw / std::sqrt(t) / standard_gravity_mps2;
   const double scale = arw * std::sqrt(turn_s) / (2.0 * pi);
@@ -86,8 +86,8 @@ SubsetSolution solve_subset(const Eigen::MatrixXd& information, const Eigen::Vec
   const Eigen::VectorXd scale = ranges(subset);
   const Eigen::MatrixXd A = scale.asDiagonal() * Eigen::MatrixXd(information(subset, subset)) * scale.asDiagonal();
   const Eigen::VectorXd c = scale.cwiseProduct(Eigen::VectorXd(gradient(subset)));
-  // Determined: the data shrink the range to a tenth and less. Balanced, for the small eigenvalues are not to be lost in the rounding
-  // of the large ones.
+  // Determined: the data shrink the range to a tenth or less. The balanced inverse keeps small eigenvalues from being
+  // lost in the rounding of large ones.
   const SymmetricEigen eigen =
       symmetric_eigen(balanced_inverse(A + Eigen::MatrixXd::Identity(A.rows(), A.cols())));  // sigma^2 / (1 + sigma^2)
   constexpr double limit = determined_limits.of_range * determined_limits.of_range;

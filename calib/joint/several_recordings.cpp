@@ -11,7 +11,7 @@ namespace {
 
 constexpr int biases = 6;
 
-// Where the column of a recording stands among all: those of the first, then six biases of every further one.
+// Returns the place of a recording's column among all: those of the first, then six biases of every further one.
 int place(int column, std::size_t recording) {
   if (column >= biases || recording == 0) return column;
   return parameter_count + biases * int(recording - 1) + column;
@@ -19,7 +19,7 @@ int place(int column, std::size_t recording) {
 
 struct Whole {
   std::vector<int> subset;  // of all columns
-  Eigen::VectorXd begin;    // where the sums are about
+  Eigen::VectorXd begin;    // point of expansion of the sums
   Eigen::VectorXd ranges;
   std::vector<Quadratic> parts;
   Quadratic sum;
@@ -179,7 +179,7 @@ SeveralRecordings combine_recordings(const std::vector<JointResult>& estimates) 
   result.agree = result.p_value > agreement_limits.chance;
   if (!result.agree) covariance *= result.disagreement / std::max(result.degrees, 1);
 
-  // The mean of the biases and the common parameters, as one linear map of all columns.
+  // The mean biases and the common parameters, as one linear map of all columns.
   Eigen::MatrixXd T = Eigen::MatrixXd::Zero(parameter_count, all.size());
   for (int column = 0; column < parameter_count; ++column)
     for (std::size_t k = 0; k < (column < biases ? estimates.size() : 1); ++k)
@@ -241,7 +241,7 @@ OfEachRecording leave_what_is_common(JointResult& e, std::size_t recordings, Eig
   OfEachRecording each;
   const Eigen::Index n = recordings;
   const Eigen::Index old = e.free.size();
-  Eigen::MatrixXd unit = Eigen::MatrixXd::Zero(old, old);  // from what was free to what is common
+  Eigen::MatrixXd unit = Eigen::MatrixXd::Zero(old, old);  // from the free columns to the common ones
   Eigen::MatrixXd biases = Eigen::MatrixXd::Zero(6 * n, old);
   Eigen::VectorXd values(6 * n);
   for (Eigen::Index k = 0; k < n; ++k) values.segment<6>(6 * k) = to_vector(e.parameters).head<6>();
