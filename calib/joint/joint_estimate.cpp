@@ -350,8 +350,8 @@ class JointRun {
     return false;
   }
 
-  // Adds the unseen instability to the covariance; a trial beside a finished fit reuses that of the fit. None with open directions, where the ranges
-  // dominate.
+  // Adds the unseen instability to the covariance; a trial beside a finished fit reuses that of the fit. None while
+  // directions are open.
   void widen() {
     JointResult& r = result_;
     r.unseen_instability = Eigen::MatrixXd::Zero(r.covariance.rows(), r.covariance.cols());

@@ -49,7 +49,7 @@ Rest make_rest(const CompressedRecording& recording, std::size_t first, std::siz
   rest.first_edge = mean_of(recording, first, after);
   rest.last_edge = mean_of(recording, before, end);
   rest.start_s = double(recording.blocks[first].start_sample - recording.blocks.front().start_sample) * period;
-  // Between the middles of the edges: the whole less half of each.
+  // Between the middles of the edges: the whole rest less half of each edge.
   const RestMean& a = rest.first_edge;
   const RestMean& b = rest.last_edge;
   rest.between_s = rest.whole.duration_s - 0.5 * (a.duration_s + b.duration_s);
@@ -85,8 +85,8 @@ struct Run {  // blocks
   std::size_t end = 0;
 };
 
-// White variance a second and channel: half the mean square of differences of neighbouring blocks; the median keeps out knocks. Zero
-// when there are fewer than `least` differences.
+// Returns the white variance per second and channel: half the mean square difference of neighbouring blocks, by the
+// median, which ignores knocks. Zero with fewer than `least` differences.
 SixChannels white_variance(const CompressedRecording& recording, std::span<const Run> runs, std::size_t least) {
   std::vector<double> squares[6];
   for (const Run& run : runs)
@@ -106,10 +106,10 @@ SixChannels white_variance(const CompressedRecording& recording, std::span<const
   return variance;
 }
 
-// What is said of rests: where each begins, with its figure.
+// Remarks on rests: for each remark the beginnings of the rests, with a figure.
 using RestRemarks = std::map<std::string, std::vector<std::string>>;
 
-// Cuts `run` to what stands still; false when it is no rest. `white`: of all rests.
+// Cuts `run` to its still part; false: it is no rest. `white`: of all rests.
 bool verify(const CompressedRecording& recording, const SixChannels& white, Run& run, RestRemarks& remarks) {
   const auto seconds = [&](std::size_t block) {
     return double(recording.blocks[block].start_sample - recording.blocks.front().start_sample) *
@@ -151,8 +151,8 @@ CompressionOptions rest_compression_options() {
   CompressionOptions options;
   options.static_block_s = 0.25;
   options.block_angle_rad = 0.04;  // third-order coning is 1e-7 rad a block at this size, far below any noise here
-  options.glitch.counts_min = std::numeric_limits<double>::infinity();  // a hand jerks: what it does is no glitch
-  options.leaves_out_turning = false;                                   // rests were chosen to be still
+  options.glitch.counts_min = std::numeric_limits<double>::infinity();  // a jerk by hand is no glitch
+  options.leaves_out_turning = false;                                   // the rests were chosen to be still
   return options;
 }
 

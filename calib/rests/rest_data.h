@@ -1,17 +1,17 @@
-// A recording without table angles, seen as rests and the rotations by hand between them.
+// A recording without table angles as rests and the rotations by hand between them.
 //
-// A rest is a run of static segments, a leg the rotation between two neighbouring rests. What comes before the first
-// and after the last rest is not used. Whoever found the rests, they are verified: each is cut to the longest stretch that stands
-// still (calib/statistics/segmentation.h), and one that shakes by more than most_tremor is none; what is cut belongs to the legs. A leg
-// with lost, invalid or clipped samples has a fault and is set aside. Headings are unknown: only gravity ties one rest to the next.
+// A rest is a run of static segments, a leg the rotation between two neighbouring rests. Data before the first and
+// after the last rest are not used. The rests are verified, whoever found them: each is cut to its longest still
+// stretch (calib/statistics/segmentation.h), and one that shakes by more than most_tremor is dropped; what is cut
+// belongs to the legs. A leg with lost, invalid or clipped samples has a fault and is set aside. Headings are unknown:
+// only gravity ties one rest to the next.
 //
-// A unit that was put down by hand creeps, so a leg starts from the direction of gravity in the last second of one rest
-// and ends in the first second of the next, and the gyros' mean at rest is taken between the middles of these two
-// edges, so that the tilt the accelerometers see in between can be taken off it (rest_system.h). Compress with
-// rest_compression_options(): shorter static blocks than the joint estimator's, so that the edges are sharp.
+// A unit put down by hand creeps. So a leg starts from the direction of gravity in the last second of one rest and ends
+// in the first second of the next. The gyros' mean at rest is taken between the middles of these two edges, so that the
+// change of tilt seen by the accelerometers can be removed from it (rest_system.h). Compress with
+// rest_compression_options(): its static blocks are shorter than the joint estimator's, which keeps the edges sharp.
 //
-// Sums stay in the recording's own increments; the blocks stay where they are: the CompressedRecording must outlive
-// this.
+// Sums stay in the recording's own increments. The blocks are not copied: the CompressedRecording must outlive this.
 #pragma once
 
 #include <Eigen/Core>
@@ -25,11 +25,11 @@ namespace turncal {
 
 CompressionOptions rest_compression_options();
 
-// Increments a second over part of a rest.
+// Increments per second over part of a rest.
 struct RestMean {
   Eigen::Vector3d gyro = Eigen::Vector3d::Zero();
   Eigen::Vector3d accel = Eigen::Vector3d::Zero();
-  double duration_s = 0.0;  // of samples that came
+  double duration_s = 0.0;  // of the samples that arrived
   std::size_t first_block = 0;
   std::size_t end_block = 0;  // exclusive
 };
@@ -45,19 +45,19 @@ struct Rest {
 };
 
 struct RestLeg {
-  std::size_t from = 0;  // rests[from] to rests[from + 1]
+  std::size_t from = 0;  // from rests[from] to rests[from + 1]
   std::size_t first_block = 0;
   std::size_t end_block = 0;
   double duration_s = 0.0;
-  std::string fault;  // empty: usable; else what came, and at which sample
+  std::string fault;  // empty: usable; else the fault and its sample
 };
 
 struct RestData {
   const CompressedRecording* recording = nullptr;
   std::vector<Rest> rests;
   std::vector<RestLeg> legs;  // rests.size() - 1
-  // White noise, measured as half the variance of the difference of neighbouring blocks in the rests (Allan); per axis,
-  // in increments per sqrt(s). Zero when there are fewer than ten differences.
+  // White noise per axis, in increments per sqrt(s): half the mean square difference of neighbouring blocks in the
+  // rests (Allan), by its median. Zero with fewer than ten differences.
   Eigen::Vector3d gyro_white = Eigen::Vector3d::Zero();
   Eigen::Vector3d accel_white = Eigen::Vector3d::Zero();
   std::vector<std::string> notes;  // rests that were cut or set aside: a sentence for all of a kind

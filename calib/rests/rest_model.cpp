@@ -15,7 +15,7 @@ namespace {
 using Eigen::Matrix3d;
 using Eigen::Vector3d;
 
-// A (m/s per increment, upper triangular) and f0 (m/s^2); nothing when the rests do not make an ellipsoid.
+// A (m/s per increment, upper triangular) and f0 (m/s^2); none if the rests do not define an ellipsoid.
 struct AccelStart {
   Matrix3d scale;
   Vector3d bias;
@@ -46,7 +46,7 @@ std::optional<AccelStart> ellipsoid(const RestData& data, double gravity) {
   AccelStart start;
   start.scale = Matrix3d(root.matrixU()) * (gravity / size);
   start.bias = start.scale * centre * size;
-  // Far from a sphere in the increments: the fit went astray.
+  // Far from a sphere in the increments: the fit has failed.
   const Vector3d diagonal = start.scale.diagonal();
   if (diagonal.maxCoeff() > 2.0 * diagonal.minCoeff()) return {};
   return start;
@@ -103,7 +103,7 @@ using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
 // The whitened Jacobian with columns of unit length: its left singular vectors give the hat matrix, its right ones the
-// directions that are not seen.
+// unobservable directions.
 struct Whitened {
   VectorXd residual;
   VectorXd column_length;
@@ -127,14 +127,14 @@ Whitened whiten(const RestSystem& system, const VectorXd& weights) {
   return w;
 }
 
-// Redundancy of each kind: rows less what the parameters take from it.
+// Returns the redundancy of each kind: its rows less the parameters' share of them.
 std::array<double, rest_kind_count> redundancy(const RestSystem& system, const MatrixXd& basis) {
   std::array<double, rest_kind_count> result{};
   for (Index k = 0; k < basis.rows(); ++k) result[index(system.kind[k])] += 1.0 - basis.row(k).squaredNorm();
   return result;
 }
 
-// The floor at which sum r^2 / (white + floor^2) equals the redundancy; monotone, so bisection.
+// Returns the floor at which sum r^2 / (white + floor^2) equals the redundancy; monotone, hence bisection.
 double estimate_floor(const RestSystem& system, RestKind kind, double freedom) {
   if (freedom < 0.5) return 0.0;
   double largest = 0.0;
@@ -159,7 +159,7 @@ double estimate_floor(const RestSystem& system, RestKind kind, double freedom) {
   return 0.5 * (low + high);
 }
 
-// Before anything is fitted: wide enough that no kind rules the first steps.
+// Returns floors before any fit, wide enough that no kind dominates the first steps.
 RestFloors start_floors(const RestSystem& system) {
   std::array<double, rest_kind_count> rows{};
   for (const RestKind kind : system.kind) rows[index(kind)] += 1.0;
@@ -178,8 +178,8 @@ double chi_square(const RestSystem& system, const VectorXd& weights) {
   return weights.cwiseProduct(system.residual).squaredNorm();
 }
 
-// A parameter is not determined when it lies in a direction that is not seen, or is known so badly that it calibrates
-// nothing: 5 % of scale, 0.1 g, 1 deg/s. (The noise of a gyro that does not turn looks like a little turning.)
+// A parameter is not determined if it takes part in an unobservable direction, or its sigma exceeds any use: 5 % of
+// scale, 0.1 g, 1 deg/s. (The noise of a gyro that does not turn looks like a small rotation.)
 void describe_unseen(const Whitened& w, const RecordingInfo& info, RestFit& fit) {
   const MatrixXd& V = w.svd.V;
   VectorXd share = VectorXd::Zero(V.rows());
@@ -214,7 +214,7 @@ void finish(const RestSystem& system, const RecordingInfo& info, RestFit& fit) {
   for (std::size_t k = 0; k < rest_kind_count; ++k)
     fit.white_ratio[k] = fit.redundancy[k] > 0.5 ? std::sqrt(sum[k] / fit.redundancy[k]) : 0.0;
 
-  // (J'J)^-1 on what is seen
+  // (J'J)^-1 on the observable directions
   const MatrixXd V = w.svd.V.leftCols(w.rank);
   const VectorXd inverse = w.svd.values.head(w.rank).cwiseInverse();
   const VectorXd sigma = (V * inverse.asDiagonal()).rowwise().norm().cwiseQuotient(w.column_length);
@@ -235,7 +235,7 @@ Result<Parameters> coarse_rest_parameters(const RestData& data) {
         "without table angles a calibration needs 4 rests and 3 rotations without lost samples at least; found " +
         std::to_string(data.rests.size()) + " and " + std::to_string(usable));
   const Matrix3d as_given = Matrix3d::Identity();
-  constexpr double satisfied_rad = 0.1;  // Gauss-Newton finds the rest of the way
+  constexpr double satisfied_rad = 0.1;  // Gauss-Newton converges from there
   const bool far = rest_misfit_rad(data, as_given) > satisfied_rad;
   return CoarseStart(data).with_map(as_given * (far ? best_rest_factor(data, as_given) : 1.0));
 }
@@ -289,7 +289,7 @@ VectorXd left_out_residual(const RestSystem& system, const VectorXd& weights) {
     const Index n = part.rows();
     const LeastSquares solved =
         least_squares(MatrixXd::Identity(n, n) - part * part.transpose(), w.residual(rows), 1e-9);
-    if (solved.rank < n) return;  // without these rows a parameter is lost
+    if (solved.rank < n) return;  // these rows alone determine a parameter
     for (Index k = 0; k < n; ++k)
       if (wanted(rows[k])) predicted[rows[k]] = solved.x[k] / weights[rows[k]];
   };
@@ -327,7 +327,7 @@ RestFit refine_rests(const RestData& data, const Parameters& start, const Effect
     const VectorXd s = w.svd.values.head(w.rank);
     const VectorXd along = w.svd.U.leftCols(w.rank).transpose() * w.residual;
     const double before = chi_square(system, weights);
-    // Levenberg-Marquardt in the directions that are seen; the others stay where they are.
+    // Levenberg-Marquardt in the observable directions; the others stay.
     bool improved = false;
     double largest_move = 0.0;
     for (int attempt = 0; attempt < 12 && !improved; ++attempt) {

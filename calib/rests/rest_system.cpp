@@ -14,14 +14,14 @@ using Eigen::Matrix3Xd;
 using Eigen::Vector3d;
 using Matrix23 = Eigen::Matrix<double, 2, 3>;
 
-// A unit vector of specific force and its derivatives.
+// The direction of a specific force, with derivatives.
 struct Direction {
   Vector3d u;
   double norm = 0.0;
   Matrix3Xd columns;  // du
 };
 
-// From derivatives of f to those of f / |f|.
+// Returns the derivatives of f / |f| from those of f.
 Matrix3Xd unit_columns(const Direction& d) { return (d.columns - d.u * (d.u.transpose() * d.columns)) / d.norm; }
 
 class Builder {
@@ -93,7 +93,7 @@ class Builder {
     return s;
   }
 
-  // Means of the effects' regressors over the blocks of a part of a rest.
+  // Averages the effects' regressors over the blocks of a part of a rest.
   void mean_regressors(const Rest& rest, const RestMean& part, const Vector3d& f_b, const Matrix3d& C_nb,
                        Matrix3Xd& gyro, Matrix3Xd& accel) {
     gyro.setZero(3, effects_.columns);
@@ -122,7 +122,7 @@ class Builder {
     d.norm = f.norm();
     d.u = f / d.norm;
     if (p_ == 0) return d;
-    d.columns.setZero(3, p_);  // of f, first
+    d.columns.setZero(3, p_);  // of f
     const auto& indices = free_parameters();
     for (int c = 0; c < rest_parameter_count; ++c) {
       const int index = indices[c];
@@ -206,7 +206,7 @@ class Builder {
     for (int k = 0; k < 2; ++k) add_row(RestKind::direction, index, residual[k], columns.row(k), gyro + accel);
   }
 
-  // The product of the leg's rotations; `turns` collects C_before Jl dr for every column.
+  // Returns the product of the leg's rotations; `turns` collects C_before Jl dr for every column.
   Matrix3d navigate(const RestLeg& leg, const RestState& from, Matrix3Xd& turns) {
     Matrix3d C = Matrix3d::Identity();
     turns.setZero(3, p_);
@@ -243,12 +243,12 @@ class Builder {
     return C;
   }
 
-  // h = (H'H + lambda I)^-1 H'w of each stretch from its gyro rows, and rows and columns less H h: variable projection (Golub and Pereyra, SIAM J.
-  // Numer. Anal. 10 (1973) 413) with weights that are alike. lambda = 2 sigma^2 / w_h^2, sigma^2 the mean square that is left, or of the white
-  // noise if that is more.
+  // Removes h = (H'H + lambda I)^-1 H'w, estimated in each stretch from its gyro rows: rows and columns become less H h
+  // (variable projection, Golub and Pereyra, SIAM J. Numer. Anal. 10 (1973) 413, with equal weights). lambda = 2
+  // sigma^2 / w_h^2, sigma^2 the mean square of the residual, at least that of the white noise.
   void take_off_horizontal_earth_rate() {
     const double w_h = earth_rate_n(recording_.info.latitude_deg)[0];
-    const auto rows_of = [&](const Horizontal& h) -> Eigen::MatrixXd {  // the columns, the residual
+    const auto rows_of = [&](const Horizontal& h) -> Eigen::MatrixXd {  // columns, residual
       return rows_.middleRows(h.row, h.felt.rows());
     };
     for (int stretch = 0; stretch <= stretch_; ++stretch) {
@@ -289,11 +289,11 @@ class Builder {
   EffectRegressors regressors_;
   RestSystem system_;
   Eigen::MatrixXd rows_;  // the columns, the residual
-  // What rows feel of h: the three of gyros at a rest, the two of a leg.
+  // Derivatives of rows by h: three gyro rows of a rest, two rows of a leg.
   struct Horizontal {
     Eigen::Index row;
     Eigen::MatrixX2d felt;
-    int stretch;  // of legs without a fault
+    int stretch;  // number of legs with a fault before it
   };
   std::vector<Horizontal> gyros_feel_, legs_feel_;
   int stretch_ = 0;

@@ -6,13 +6,12 @@
 //              crept, by the turn of gravity between its edges; h the horizontal earth rate
 //   direction  B (C_k' u_k,last + T h_b x u_k+1 - u_k+1,first)       two a leg of T seconds, rad; C_k the product of the leg's
 //   blocks, h_b = C_bn,k+1 h
-// with u = f / |f|, and B two axes across u_k+1. A turn dr of a block moves the end by -C_k' (C_before Jl(r) dr x u_k); the same sum serves
-// parameters and effects. B and d_k are held for the derivative. Columns: the 21 free parameters (Table 1, file units), then the effects.
+// with u = f / |f|, and B two axes across u_k+1. A change dr of a block's rotation moves the end by -C_k' (C_before Jl(r) dr x u_k); one sum serves
+// parameters and effects. B and d_k are held fixed in the derivative. Columns: the 21 free parameters (Table 1, file units), then the effects.
 //
-// h: the gyros carry the heading from rest to rest, but not where it began. So h has two components for each stretch of legs without a fault,
-// drawn from N(0, (w_ie cos(latitude))^2 / 2), and the best h for these parameters is taken off rows and columns; where gyros are too noisy
-// to feel it it is near zero. Two observations a stretch are spent on it that are counted as redundant.
-// Not modelled: the derivative of C_bn,k, creep inside an edge.
+// h: the gyros carry the heading from rest to rest, but not its origin. So h has two components for each stretch of legs without a fault, with prior
+// N(0, (w_ie cos(latitude))^2 / 2). Its best value for these parameters is removed from rows and columns; with gyros too noisy to observe it, it is
+// near zero. Each stretch spends two observations on h that still count as redundant. Not modelled: the derivative of C_bn,k, creep inside an edge.
 #pragma once
 
 #include <Eigen/Core>
@@ -34,20 +33,20 @@ const char* to_string(RestKind kind);
 struct RestSystem {
   Eigen::VectorXd residual;        // SI
   Eigen::MatrixXd jacobian;        // rows x (21 + effects); empty without columns
-  Eigen::VectorXd white_variance;  // what the measured white noise alone would make
+  Eigen::VectorXd white_variance;  // variance from the measured white noise alone
   std::vector<RestKind> kind;      // of each row
   std::vector<int> owner;          // rest or leg of each row
 };
 
-// Two axes across the unit vector v, in which direction rows are stated: B above.
+// Returns two axes across the unit vector v: B above, in which direction rows are given.
 Eigen::Matrix<double, 2, 3> axes_across(const Eigen::Vector3d& v);
 
 // Legs with a fault have no rows. Effect regressors are evaluated block by block (BlockState; w and w_dot are zero at
-// rest, the heading of C_nb runs on from an arbitrary start).
+// rest; the heading of C_nb continues from an arbitrary start).
 RestSystem make_rest_system(const RestData& data, const Parameters& parameters, const EffectModel& effects,
                             bool with_columns);
 
-// Plain errors: over rests and legs, of the norm (m/s^2), of the angle between predicted and measured gravity (rad), of
+// Errors as rms over rests and legs: of the norm (m/s^2), of the angle between predicted and measured gravity (rad), of
 // the gyros axis by axis (rad/s).
 struct RestErrors {
   double norm_rms_mps2 = 0.0;

@@ -15,9 +15,9 @@
 namespace turncal {
 namespace {
 
-// What carries gravity from rest to rest, where the gyros as given do not: any factor, and any of the 48 ways to connect them. Short turns suggest
-// one; where they cannot, the factors between two units, or none. Without turns between rests they decide. A reversed accelerometer makes the body's
-// frame left-handed, and two gyros turn the other way in it.
+// Returns how the gyros are wrong if, as given, they do not carry gravity from rest to rest. Tried are all 48 ways to connect
+// them, the factors between two units, and the map that short turns suggest; with too few turns between rests that map decides
+// alone. A reversed accelerometer makes the body frame left-handed, and two gyros turn the other way in it.
 std::string wrong_gyros(const RestData& data) {
   const RecordingInfo& info = data.recording->info;
   const SensorModel model = sensor_model(start_parameters(info), info);

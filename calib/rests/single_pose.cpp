@@ -19,7 +19,7 @@ constexpr double alias_correlation = SelectionLimits{}.alias_correlation;
 
 struct Series {  // batch means
   VectorXd time_s;
-  VectorXd temperature_c;  // less its mean; empty without a thermometer
+  VectorXd temperature_c;  // less its mean; empty: no thermometer, or too small a range
   MatrixXd reading;        // six columns, SI
 };
 
@@ -80,7 +80,7 @@ double correlation(const VectorXd& a, const VectorXd& b) {
 }
 
 struct TimeShape {
-  std::string effect;  // empty: nothing changes with time
+  std::string effect;  // empty: no change with time
   double tau_s = 0.0;
   VectorXd column;
 };
@@ -124,7 +124,7 @@ void add_axis(const Series& series, int channel, std::vector<PoseCoefficient>& o
   const auto add = [&](const std::string& effect, double tau_s, double value, double sigma, bool alias) {
     const EffectEntry* entry = find_effect(effect);
     if (entry == nullptr) return;
-    // A change in the reading is what the effect adds to it; `si` is one unit of the effect (of a drift, after an hour).
+    // The change of the reading is what the effect adds to it; `si` is one unit of the effect (of a drift, after an hour).
     out.push_back({effect + "." + axis, std::string(entry->unit), value / entry->si, sigma / entry->si, tau_s, alias});
   };
   const std::size_t alone = best_of(false);

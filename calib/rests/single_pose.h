@@ -1,12 +1,12 @@
-// What a recording of one pose can tell: noise, and how the readings change with time and temperature.
+// What a recording of one pose determines: noise, and how the readings change with time and temperature.
 //
-// A unit that lies still in one pose for a while determines no scale factor and no bias. Its Allan deviation gives the noise
-// (calib/statistics/allan.h), and its slow changes give, axis by axis, a drift or a warm-up exp(-t/tau) and a temperature coefficient:
+// A unit that lies still in one pose determines no scale factor and no bias. Its Allan deviation gives the noise
+// (calib/statistics/allan.h). Its slow changes give, axis by axis, a drift or a warm-up exp(-t/tau) and a temperature coefficient:
 //   y = y0 + c_time x_time(t) + c_T (T - mean T)
-// by least squares over batch means (at most 200 of them, so that what is correlated within a batch counts once); x_time is what BIC
-// prefers of nothing, t, and exp(-t/tau) for the catalogue's time constants. Standard deviations are those of the residual. Where
-// temperature follows the time too closely (correlation above 0.97) the two are aliases: each is then given alone, and marked.
-// By the nominal scale, in the units of the effect catalogue; of the accelerometers whatever changes in this pose is called bias.
+// by least squares over at most 200 batch means, so that correlation within a batch counts once. x_time is chosen by BIC from nothing, t,
+// and exp(-t/tau) with the catalogue's time constants. Standard deviations come from the residual. If temperature follows time too closely
+// (correlation above 0.97) the two are confounded: each coefficient is then fitted alone, and marked. Values are by the nominal scale, in
+// the units of the effect catalogue. Any change of an accelerometer in this pose is reported as bias.
 #pragma once
 
 #include <string>
@@ -24,7 +24,7 @@ struct PoseCoefficient {
   double value = 0.0;
   double sigma = 0.0;
   double tau_s = 0.0;  // 0: none
-  bool alias = false;  // time and temperature cannot be told apart here
+  bool alias = false;  // confounded: time and temperature
 };
 
 struct SinglePose {
@@ -33,7 +33,7 @@ struct SinglePose {
   std::vector<PoseCoefficient> coefficients;
 };
 
-// `recording` with blocks of a second (CompressionOptions{}). An error when less than 100 s of it are at rest.
+// `recording`: compressed to blocks of a second (CompressionOptions{}). Returns an error if less than 100 s of it are at rest.
 Result<SinglePose> analyse_single_pose(const CompressedRecording& recording);
 
 }  // namespace turncal
