@@ -2,7 +2,7 @@
 //
 //   C_nb(end) = Exp(-w_ie dt) C_nb(start) Exp(rotation)
 //   v_n(end) = v_n(start) + Exp(-w_ie dt / 2) C_nb(start) velocity - g dt U
-// (n turns with the earth during the block: without the half turn a second at rest gains 0.3 mm/s to the east)
+// (n turns with the Earth during the block: without the half rotation a second at rest gains 0.3 mm/s to the east)
 // with, in the body frame at the start of the block (G, b, A, f0: SensorModel; T the block's length),
 //   rotation = G gyro - b T + 1/2 coning',   velocity = A accel - f0 T + sculling' + (m/2 - r/12) x (r x v)
 // m: the mean over the block of the angle turned so far (r/2 in even rotation, from gyro_time).
@@ -29,13 +29,13 @@ struct BlockMotion {
 };
 BlockMotion evaluate(const Block& block, const SensorModel& model, double period_s);
 
-// Derivatives with respect to the 24 parameters (rows in Table 1 order, per file unit), at the same model:
+// Derivatives by the 24 parameters (rows in Table 1 order, per file unit), at the same model:
 //   d rotation / dG_ij = e_i gyro_j + 1/2 dcof(G)/dG_ij coning,    d rotation / db = -T I,
 //   d velocity / dG_ij = e_i x (A S' e_j) + d third-order,         d velocity / dA_kl = e_k accel_l + (G S e_l) x e_k
-// and the bias terms of evaluate() likewise. mean_velocity is good at rest only, and made only where it is asked for.
+// and the bias terms of evaluate() likewise. mean_velocity is valid at rest only, and computed only on request.
 using ParameterRows = Eigen::Matrix<double, parameter_count, 3>;
 struct BlockDerivatives {
-  static constexpr int turning = 15;  // rotation: of those that come first; the accelerometers' do nothing to it
+  static constexpr int turning = 15;  // first rows, which move the rotation; the accelerometers' do not
   ParameterRows rotation = ParameterRows::Zero(), velocity, mean_velocity;
 };
 void differentiate(const Block& block, const BlockMotion& motion, const SensorModel& model,

@@ -1,17 +1,17 @@
-// Finds where a gyro stood at the end of its range: runs of one and the same extreme value.
+// Finds where a gyro reached the end of its range: runs of one and the same extreme value.
 //
-// A clipped turn piles its samples up at one value. A channel and sense is clipped when its extreme value
+// Clipping piles the samples of a turn up at one value. A channel and sense is clipped when its extreme value
 //   - comes several times in a row, and several times in such runs,
 //   - makes up at least half of all samples within about 1 % of it,
 //   - is many of the smallest steps the channel makes (ClippingLimits in limits.h),
-//   - and stands: a constant rate that is counted in steps flickers between two of them, so that most of its runs follow one another within
-//     two samples.
+//   - and persists: a constant rate counted in steps flickers between two of them, so that most of its runs follow each other within two samples.
 //
-// A file reader that sees the numbers themselves flags samples that are clipped (gyro_clipped_flag); such are found too.
+// Samples that a file reader flags as clipped (gyro_clipped_flag), because it sees the numbers themselves, are reported
+// too.
 //
-// One pass; memory: 0.8 MB and the runs. For units turned by hand: at the constant rate of a table a coarse gyro may stand, too.
-// There the turn itself tells (clipped_turns): the sums of its blocks repeat one value, and it is short of what was
-// commanded. Not modelled: a sensor that wraps around, or that rings at the end of its range.
+// One pass; memory: 0.8 MB and the runs. For units turned by hand: at the constant rate of a table a coarse gyro may
+// repeat one value too. There the turn itself decides (clipped_turns): the sums of its blocks repeat one value, and it
+// is short of what was commanded. Not modelled: a sensor that wraps around, or that rings at the end of its range.
 #pragma once
 
 #include <array>
@@ -26,7 +26,7 @@ namespace turncal {
 
 // Bits of ImuSample::flags, together with sample_flag_invalid.
 constexpr std::uint32_t gyro_clipped_flag(int axis) { return std::uint32_t{2} << axis; }
-// A bit of its own: the sample is of a rest that disagreed with all the others, and that another take stands in for. All of the rest is
+// A bit of its own: the sample belongs to a rest that disagreed with all the others and was repeated. The whole rest is
 // one event, invalid, with this in place of an axis.
 inline constexpr std::uint32_t sample_flag_set_aside = 16;
 inline constexpr int set_aside_axis = -2;
@@ -35,7 +35,7 @@ class ClippingFinder {
  public:
   ClippingFinder();
   void add(const ImuSample& sample);
-  // Runs in time order: invalid, with the axis, and the end of the range as size.
+  // Returns the runs in time order: invalid, with the axis; size: the end of the range.
   std::vector<DataEvent> finish();
   void note(std::vector<DataEvent>& events);
 
@@ -55,10 +55,10 @@ class ClippingFinder {
   bool any_ = false;
 };
 
-// Of a recording with table angles: an event for each axis that clipped in a turn, in time order; its size is the end of the range.
+// For a recording with table angles: returns an event for each axis that clipped in a turn, in time order; size: the end of the range.
 std::vector<DataEvent> clipped_turns(const CompressedRecording& recording);
 
-// "gyro x clipped at 8 deg/s", by the nominal scale.
+// Returns "gyro x clipped at 8 deg/s", by the nominal scale.
 std::string clipped_text(const RecordingInfo& info, int axis, double increment);
 
 }  // namespace turncal

@@ -1,9 +1,9 @@
-// Sufficient statistics of a recording: what the estimators iterate on instead of raw samples.
+// Sufficient statistics of a recording, on which the estimators iterate instead of raw samples.
 //
-// The stream is cut into blocks that never cross a segment border: a second each in static segments (less if the unit was moved by more
-// than static_angle_rad), in rotations as many samples as turn the unit by about block_angle_rad (at most block_samples; at a steady rate
-// more). The sums of a block are in raw counts, so that its motion can be evaluated exactly for any parameters (block_motion.h). One pass;
-// about 0.25 kB a block, 4 MB for the fourteen steps, 25 ns a sample.
+// The stream is cut into blocks that never cross a segment border: a second each in static segments (less if the unit was moved
+// by more than static_angle_rad); in rotations as many samples as turn the unit by about block_angle_rad (at most block_samples,
+// more at a steady rate). The sums of a block are in raw counts, so that its motion can be evaluated exactly for any parameters
+// (block_motion.h). One pass; about 0.25 kB a block, 4 MB for the fourteen steps, 25 ns a sample.
 //
 // With alpha_i, beta_i the increments of sample i (gyro, accelerometer), theta_i = sum of alpha_j, j < i, and
 // s_i the time of the middle of sample i from the start of the block:
@@ -11,14 +11,14 @@
 //   coning = sum [theta_i x alpha_i + k_i (alpha_{i-1} x alpha_i + alpha_i x alpha_{i+1}) / 12]
 //   sculling = sum [(theta_i + alpha_i/2) beta_i' + k_i (K_{i-1} + K_i) / 24]   (3x3),   K_i = alpha_i beta_{i+1}' - alpha_{i+1} beta_i'
 //   k_i = 1 + 11/60 |alpha_i|^2  (rad, nominal)
-// Within a sample the motion is what the samples on both sides tell (Savage (1998): the one before alone, which leaves r^3 / 24 of a force
-// that stands still while the unit turns by r a sample). From both sides r^4 / 66 is left; k is the exact sum for an even rate over that of
-// three samples, to r^2: r^6 / 500 is left, 1e-7 of the force at 0.2 rad a sample. What the last sample of a block lacks is added when the
-// one after it has come; beside lost samples, and at both ends of a recording, that half is missing.
+// The motion within a sample is inferred from the samples on both sides. (Savage (1998) uses the one before alone, which leaves
+// r^3 / 24 of a force that stands still while the unit turns by r a sample.) Both sides leave r^4 / 66; k is the exact sum for an
+// even rate over that of three samples, to r^2: r^6 / 500 is left, 1e-7 of the force at 0.2 rad a sample. The last sample of a
+// block is completed when the next one arrives; beside lost samples, and at both ends of a recording, that half is missing.
 //
-// Data faults are noticed here and listed as events; what is done about them is up to the estimator. A sample that cannot be true
-// (data_screen.h) is left out as if it had not come. A few samples lost inside a segment are filled in, with the variance of that. A
-// temperature that cannot be counts as not measured.
+// Data faults are detected here and listed as events; the estimator decides what to do about them. A sample that cannot
+// be true (data_screen.h) is dropped as if it had not arrived. A few samples lost inside a segment are filled in, and
+// the variance of that is kept. An impossible temperature counts as not measured.
 #pragma once
 
 #include <algorithm>
@@ -37,15 +37,15 @@ namespace turncal {
 
 struct BlockState;  // calib/model/effects.h
 
-// A few lost samples filled in between those that came, and how wrong that may be.
-// At rest, with n lost: each is the mean m of the last `memory` samples. The true sum is a whole number of pulses: its variance is f (1 - f),
-// f the fraction of n m, at least 1/6 (rounding at both ends of a noisy count), at most n times the variance of those samples, which it is
-// where increments are no pulses. That of n m comes on top.
-// In a turn: linear between the increments beside the gap. With D the mean square of x_k - (x_(k-1) + x_(k+1)) / 2 (GlitchFinder) the variance
-// of the sum is (n + n^2 / 2) 2 D / 3; where the slope changes across the gap by c with c^2 > 20 D, n^2 c^2 more: a corner fell into it.
-// Not modelled: motion that comes and goes within the gap.
+// Fills in a few lost samples between those that arrived, with the variance of the error. At rest, with n lost: each is
+// the mean m of the last `memory` samples. The true sum is a whole number of pulses: its variance is f (1 - f), f the
+// fraction of n m, but at least 1/6 (rounding at both ends of a noisy count) and at most n times the variance of those
+// samples; for increments that are no pulses it is that maximum. The variance of n m is added. In a turn: linear
+// between the increments beside the gap. With D the mean square of x_k - (x_(k-1) + x_(k+1)) / 2 (GlitchFinder) the
+// variance of the sum is (n + n^2 / 2) 2 D / 3; if the slope changes across the gap by c with c^2 > 20 D, n^2 c^2 is
+// added: a corner fell into it. Not modelled: motion that comes and goes within the gap.
 struct GapFill {
-  Channels first, step;  // increments: of the first one, and from one to the next
+  Channels first, step;  // increments: the first one, and the difference from one to the next
   Channels variance;     // of the sum, increments squared
 };
 
@@ -55,9 +55,9 @@ class GapFiller {
       : counted_{info.gyro_increment == IncrementKind::pulses, info.accel_increment == IncrementKind::pulses} {}
   void begin_segment() { seen_ = 0; }
   void add(const Channels& sample) { samples_[seen_++ % memory] = sample; }
-  // Between the last sample and `next`, of the same segment. `mean_square`: D.
+  // Fills between the last sample and `next`, of the same segment. `mean_square`: D.
   GapFill fill(const ImuSample& next, std::int64_t lost, bool at_rest, const Channels& mean_square) const;
-  // Two samples of the segment have come.
+  // Have two samples of the segment arrived?
   bool can_fill() const { return seen_ >= 2; }
 
  private:
@@ -69,13 +69,13 @@ class GapFiller {
 };
 
 struct Block {
-  std::int64_t start_sample = 0;  // the unit's counter at the first sample
-  std::int32_t samples = 0;       // samples summed, those filled in among them
-  std::int32_t missing = 0;  // samples that the counter says are missing inside or directly before it, and that are not
-  std::int32_t segment = 0;  // index into CompressedRecording::segments
-  bool whole_second = false;                               // static, and as long as a static second is
-  float temperature_c = 0.0F;                              // mean; NaN when not measured
-  float temperature_rate_c_per_h = 0.0F;                   // dT/dt in its middle; 0 when not measured
+  std::int64_t start_sample = 0;          // the unit's counter at the first sample
+  std::int32_t samples = 0;               // samples summed, filled-in ones included
+  std::int32_t missing = 0;               // missing inside or directly before it by the counter, and not filled in
+  std::int32_t segment = 0;               // index into CompressedRecording::segments
+  bool whole_second = false;              // static, with the length of a static second
+  float temperature_c = 0.0F;             // mean; NaN when not measured
+  float temperature_rate_c_per_h = 0.0F;  // dT/dt in its middle; 0 when not measured
   Eigen::Vector3f gyro_filled = Eigen::Vector3f::Zero();   // variance of the sums by the samples that were filled in,
   Eigen::Vector3f accel_filled = Eigen::Vector3f::Zero();  // increments squared
   double duration_s = 0.0;                                 // (samples + missing) * period
@@ -89,22 +89,22 @@ struct Block {
   Eigen::Matrix3d sculling = Eigen::Matrix3d::Zero();
 };
 
-// What regressors see of its temperature: over the reference, and its rate; 0 where it was not measured.
+// Sets what regressors see of a block's temperature: its excess over the reference, and its rate; 0 if not measured.
 void take_temperature(const Block& block, double reference_c, BlockState& state);
 
-// The block that two consecutive blocks make together (exact).
+// Returns the block that two consecutive blocks make together (exact).
 Block merge(const Block& first, const Block& second);
 
 struct CompressedRecording {
   RecordingInfo info;
-  Segments segments;          // in the order in which they came, contiguous
+  Segments segments;          // in order of arrival, contiguous
   std::vector<Block> blocks;  // in time order
   std::vector<DataEvent> events;
   std::int64_t samples = 0;
   double mean_temperature_c = 0.0;  // over all samples; NaN when not measured
 
   bool rotates(const Block& block) const { return segments[block.segment].kind == SegmentKind::rotate; }
-  // Of the middle of a block, from the first sample of block `from`.
+  // Returns the time of the middle of a block, from the first sample of block `from`.
   double middle_s(const Block& block, std::size_t from = 0) const {
     return double(block.start_sample - blocks[from].start_sample) * info.sample_period_s + 0.5 * block.duration_s;
   }
@@ -116,7 +116,7 @@ struct CompressionOptions {
   double block_angle_rad = 0.012;
   int block_samples = 20;
   GlitchLimits glitch;
-  bool leaves_out_turning = true;  // what still turns in a rest is no rest
+  bool leaves_out_turning = true;  // blocks that still turn in a rest do not count as rest
 };
 
 class Compressor {
@@ -127,7 +127,7 @@ class Compressor {
   void begin_segment(const Segment& segment);
   void add(std::span<const ImuSample> samples);
   void end_segment(SegmentKind final_kind, std::int64_t end_sample);
-  // What has come so far, and at the end the whole.
+  // The recording so far; after take() it is moved from.
   const CompressedRecording& recording() const { return recording_; }
   CompressedRecording take();
 
@@ -135,7 +135,7 @@ class Compressor {
   void close_block();
   void add_one(const ImuSample& sample);
   void add_to_closed_block(const Eigen::Vector3d& alpha, const Eigen::Vector3d& beta);
-  // k / 24; no more than of a radian a sample, beyond which the series does not hold (gyros of another unit).
+  // Returns k / 24, bounded above: beyond a radian a sample the series does not hold (gyros of another unit).
   double within_sample(const Eigen::Vector3d& alpha) const {
     return std::min((1.0 + square_of_even_rate_ * alpha.squaredNorm()) / 24.0, 0.05);
   }
@@ -151,13 +151,13 @@ class Compressor {
   Block block_;
   bool in_segment_ = false;
   int static_block_samples_ = 200;
-  double static_counts_ = 0.0;        // |sum alpha| at which a static block is closed early, in counts
+  double static_counts_ = 0.0;        // |sum alpha| at which a static block closes early, in counts
   double rotation_counts_ = 0.0;      // the same for a rotation block
   double square_of_even_rate_ = 0.0;  // (k - 1) / |alpha|^2, alpha in counts
   std::int64_t next_counter_ = 0;
   SpikeFinder spikes_;
-  std::int64_t left_out_ = 0;                   // samples since the last one that was taken
-  std::ptrdiff_t impossible_temperature_ = -1;  // which event
+  std::int64_t left_out_ = 0;                   // samples since the last accepted one
+  std::ptrdiff_t impossible_temperature_ = -1;  // index of its event
   bool have_previous_ = false;
   Eigen::Vector3d previous_gyro_ = Eigen::Vector3d::Zero();
   Eigen::Vector3d previous_accel_ = Eigen::Vector3d::Zero();
@@ -168,7 +168,7 @@ class Compressor {
   GlitchFinder glitches_;
 };
 
-// Feeds a stream of sample chunks to a Compressor and opens and closes the listed segments where they lie.
+// Feeds a stream of sample chunks to a Compressor, and opens and closes the listed segments.
 class SegmentedFeed {
  public:
   SegmentedFeed(Compressor& compressor, const Segments& segments) : compressor_(compressor), segments_(segments) {}

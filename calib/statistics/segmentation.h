@@ -1,19 +1,19 @@
-// Finds the rests in a stream of samples by itself, and says by which threshold and why.
+// Finds the rests in a stream of samples, and reports the threshold and its reason.
 //
 // The stream is summed in cells of about cell_s. In every window of window_cells cells the variance of the samples about their mean is
-// taken over the three axes of each triad; the quiet level is the median over the quietest fifth of the windows (a tenth of the
-// recording must rest). R = max over gyros and accelerometers of variance / quiet variance is near 1 at rest, 10 to 10^7 in motion.
-// A hand that holds the unit shakes it, so the threshold does not follow from the noise: of thresholds from what noise reaches to 10^5
-// times that, in steps of 26 %, the longest stretch is taken over which the number of rests (four or more) stays the same and that
-// begins below most_tremor (limits.h), and in it a point near the lower end. A rest ends where R rises above three times the threshold or
-// stays above it for a window; guard_s is cut at both ends; shorter than min_rest_s is no rest. A slow even turn, as quiet as a rest, is
-// one whose mean rate stands out by slow_turn_sigmas robust deviations and the sample noise.
+// taken over the three axes of each triad. The quiet level is the median over the quietest fifth of the windows (a tenth of the recording
+// must be at rest). R = max over gyros and accelerometers of variance / quiet variance is near 1 at rest, 10 to 10^7 in motion. A hand that
+// holds the unit shakes it, so the threshold does not follow from the noise. Of thresholds from the level that noise reaches to 10^5 times
+// that, in steps of 26 %, the longest stretch is taken over which the number of rests (four or more) stays the same and that begins below
+// most_tremor (limits.h); the threshold lies near its lower end. A rest ends where R rises above three times the threshold or stays above
+// it for a window; guard_s is cut off both ends; anything shorter than min_rest_s is no rest. A slow even turn is as quiet as a rest: it is
+// one if its mean rate stands out by slow_turn_sigmas robust deviations and the sample noise.
 //
-// What was found verifies itself: each rest is cut to the longest stretch that stands still (longest_still), and the quiet level must be
-// noise: variance over half the mean square difference of neighbouring samples is 1 for white noise, more for a smooth motion, and above
-// smooth_motion the unit swings and never rests.
+// The result is verified: each rest is cut to its longest still stretch (longest_still), and the quiet level must be noise. Variance over
+// half the mean square difference of neighbouring samples is 1 for white noise, more for a smooth motion; above smooth_motion the unit
+// swings and never rests.
 //
-// Pure function of the samples; memory: 100 bytes a cell. Not modelled: gaps longer than a cell (it is in motion then).
+// Pure function of the samples; memory: 100 bytes a cell. Not modelled: gaps longer than a cell, which count as motion.
 #pragma once
 
 #include <cmath>
@@ -37,24 +37,24 @@ struct SegmentationOptions {
   int window_cells = 5;
   double min_rest_s = 1.5;
   double guard_s = 0.3;
-  std::optional<double> threshold = {};  // on R, given and not looked for
+  std::optional<double> threshold = {};  // on R; given: not searched for
 };
 
 struct Segmentation {
   Segments segments;        // contiguous over all samples: still and rotate, step 0, angles 0; empty: no rest found
   double threshold = 0.0;   // on R
-  double quiet_gyro = 0.0;  // quiet standard deviation a sample and axis, in increments
+  double quiet_gyro = 0.0;  // quiet standard deviation of a sample, per axis, in increments
   double quiet_accel = 0.0;
   double plateau_begin = 0.0;  // thresholds between which the number of rests stays the same
   double plateau_end = 0.0;
-  int slow_turns = 0;       // taken out
-  int cut = 0;              // rests that were shortened because the unit still moved in them
-  int moving = 0;           // taken out: too little of them was still
+  int slow_turns = 0;       // runs dropped
+  int cut = 0;              // rests shortened because the unit still moved in them
+  int moving = 0;           // rests dropped: too little of them was still
   double smoothness = 0.0;  // variance over half the mean square difference, gyros, median of the quiet windows
   std::string reason;       // one sentence
 };
 
-// Feeds on chunks of a stream; finish() gives the result.
+// Takes chunks of a stream; finish() returns the result.
 class RestFinder {
  public:
   explicit RestFinder(const RecordingInfo& info, const SegmentationOptions& options = {});
@@ -100,18 +100,18 @@ class RestFinder {
   std::vector<Cell> cells_;
 };
 
-// No segment has a commanded angle: nothing is known of the attitudes but what the sensors say (rest_model.h).
+// No segment has a commanded angle: only the sensors tell the attitudes (rest_model.h).
 bool without_table_angles(const Segments& segments);
 
-// Which part of a stretch that is said to be at rest really is. Of means over equal pieces one moves when the mean of it and its two
-// neighbours stands more than `outlier` robust standard deviations (1.4826 times the median absolute deviation, at least their noise)
-// from the median in any channel. What creeps or trembles evenly stays; a turn's start or a knock stands out. The longest stretch counts.
+// The part of a nominal rest that is still. Of means over equal pieces, one moves if the mean of it and its two neighbours is more than
+// `outlier` robust standard deviations (1.4826 times the median absolute deviation, at least their noise) from the median in any channel.
+// Even creep or tremor stays; the start of a turn or a knock stands out. The longest still stretch is returned.
 struct StillPart {
   std::size_t first = 0;
   std::size_t end = 0;  // exclusive; equal to first: nothing is still
 };
 
-// `noise`: standard deviation of a piece by sensor noise alone. Fewer than five pieces are taken as they are.
+// `noise`: standard deviation of a piece by sensor noise alone. Fewer than five pieces are returned whole.
 StillPart longest_still(std::span<const SixChannels> pieces, const SixChannels& noise, double outlier = 8.0);
 
 }  // namespace turncal
