@@ -40,14 +40,14 @@ Squares squares_of(const AllanFit& fit) {
 
 // ---- one rest of one channel ----
 
-// A gap holds the mean of so many times its length on either side.
+// A gap is filled with the mean over so many times its length on either side.
 constexpr std::size_t lengths_around = 5;
 
 struct Rest {
   std::vector<double> rate;  // less its mean, gaps filled
   std::vector<double> theta;
   std::vector<std::pair<std::size_t, std::size_t>> gaps;
-  double filled = 0.0;  // share
+  double filled = 0.0;  // share of cells that are filled
 };
 
 Rest make_rest(std::span<const double> mean, double cell_s) {
@@ -82,7 +82,7 @@ Rest make_rest(std::span<const double> mean, double cell_s) {
   return rest;
 }
 
-// Sum of d_k^2, and how many are added to `count`.
+// Returns the sum of d_k^2, and adds their number to `count`.
 double squares_of(const Rest& rest, std::size_t m, double& count) {
   if (rest.theta.size() < 2 * m + 1) return 0.0;
   const std::size_t end = rest.theta.size() - 2 * m;
@@ -107,7 +107,7 @@ double squares_of(const Rest& rest, std::size_t m, double& count) {
 
 // ---- degrees of freedom ----
 
-// Covariance of d_k and what it is `lag` s later, less that of Q: the fourth difference of the generalised autocovariance of theta.
+// Returns the covariance of d_k with that `lag` s later, without the part of Q: the fourth difference of the generalised autocovariance of theta.
 double covariance_of_differences(const Squares& c, double tau, double lag) {
   const auto s = [&](double t) {
     const double a = std::abs(t);
@@ -121,9 +121,9 @@ double covariance_of_differences(const Squares& c, double tau, double lag) {
 
 // Power in eighths of an octave, as spectral density.
 struct Spectrum {
-  ArrayXd hz, n, xx, xg, gg;  // n coefficients, their squares, times those of a ramp of 1, those squared
-  Eigen::Array<double, Eigen::Dynamic, 4> unit;  // what each term would give with a coefficient of 1
-  ArrayXd weight;                                // of its likelihood: no spectrum is believed further
+  ArrayXd hz, n, xx, xg, gg;  // n coefficients; sums of their squares, products with a unit ramp's, squares of those
+  Eigen::Array<double, Eigen::Dynamic, 4> unit;  // of each term with a coefficient of 1
+  ArrayXd weight;                                // of its likelihood: a spectrum is trusted no further
   Index bins(double below_hz) const { return (hz <= below_hz).count(); }
 };
 
@@ -133,7 +133,7 @@ struct Bin {
 };
 using Bins = std::map<int, Bin>;
 
-// Orthonormal.
+// Returns the orthonormal DCT-II.
 std::vector<double> cosine_transform(std::span<const double> y) {
   const std::size_t n = y.size();
   std::vector<double> order(n), x(n);
@@ -150,7 +150,7 @@ std::vector<double> cosine_transform(std::span<const double> y) {
   return x;
 }
 
-// The longest that is a product of 2, 3 and 5.
+// Returns the longest length up to n that is a product of 2, 3 and 5.
 std::size_t quick_length(std::size_t n) {
   for (; n > 1; --n) {
     std::size_t left = n;
@@ -161,10 +161,10 @@ std::size_t quick_length(std::size_t n) {
   return n;
 }
 
-// Power of white noise in a rest whose gaps of g cells hold the mean of 5 g on either side, over that of one without gaps. A cell x_j that was
-// measured is there with exp(i j a), and in each gap near it with a tenth of D(g) exp(i c a), c the gap's middle, D(n) the mean of exp(i k a) over n
-// cells; over gaps that lie at random (Poisson) the mean of these is share D(g) (11 D(11 g) - D(g)) / 10, their variance share D(g)^2 / 10 a cell.
-// `angle`: a of a cell.
+// Returns the power of white noise in a rest whose gaps of g cells hold the mean of 5 g on either side, over that of
+// one without gaps. A measured cell x_j enters with exp(i j a), and in each gap near it with a tenth of D(g) exp(i c
+// a), c the gap's middle, D(n) the mean of exp(i k a) over n cells. Over randomly placed gaps (Poisson) the mean of
+// these is share D(g) (11 D(11 g) - D(g)) / 10, their variance share D(g)^2 / 10 a cell. `angle`: a of one cell.
 double white_power(const Rest& rest, double angle) {
   if (rest.gaps.empty()) return 1.0;
   constexpr double around = 2.0 * lengths_around;
@@ -182,7 +182,7 @@ void add_power(const Rest& rest, double cell_s, double above_hz, double up_to_hz
   const double count = double(n), T = cell_s;
   const std::vector<double> x = cosine_transform(std::span(rest.rate).first(n));
   for (std::size_t j = 1; j < n; ++j) {
-    const double angle = pi * double(j) / count;  // a cell
+    const double angle = pi * double(j) / count;  // per cell
     const double hz = angle / (2.0 * pi * T);
     if (hz <= above_hz || hz > up_to_hz) continue;
     Bin& bin = bins[int(std::floor(8.0 * std::log2(hz)))];
@@ -194,7 +194,7 @@ void add_power(const Rest& rest, double cell_s, double above_hz, double up_to_hz
     bin.xx += power;
     bin.xg += x[j] * std::sqrt(T) * g;
     bin.gg += g * g;
-    // Q: the ends of a rest are not the cells' own.
+    // Q: includes the quantisation at the two ends of a rest.
     bin.unit += Squares((4.0 * s * s + 4.0 / count * c * c) / T, white_power(rest, angle), 1.0 / (2.0 * pi * hz),
                         T * T * (1.0 / (4.0 * s * s) - 1.0 / 6.0));
   }
@@ -228,8 +228,8 @@ struct Fitted {
   double ramp = 0.0, ramp_sigma = 0.0;
 };
 
-// The maximum for the terms in `set`, over the first `bins`; `held`: power of a term that stays as it is, and the others may then vanish
-// beside it.
+// Maximises the likelihood of the terms in `set` over the first `bins`. `held`: power of a term that stays fixed,
+// beside which the others may vanish.
 Fitted maximise(const Spectrum& p, Index bins, unsigned set, const Squares& from = Squares::Zero(),
                 const ArrayXd& held = {}) {
   constexpr double negligible = 1e-4;  // of the power, everywhere
@@ -304,8 +304,8 @@ Fitted maximise(const Spectrum& p, Index bins, unsigned set, const Squares& from
   return result;
 }
 
-// What -2 ln L gains by a term that is not there, in one of a hundred cases: half chi-square, since a variance is not negative; of R
-// chi-square.
+// Gain of -2 ln L by a term that is absent, exceeded once in a hundred cases: half chi-square, since a variance is not
+// negative; chi-square for R.
 constexpr double cost_of_variance = 5.41, cost_of_ramp = 6.63;
 
 std::vector<Fitted> all_choices(const Spectrum& p, Index bins) {
@@ -328,14 +328,14 @@ const Fitted& best_of(const std::vector<Fitted>& all, unsigned without = 0) {
   return *best;
 }
 
-// Mean square of what is left, in units of what chance leaves, and what chance exceeds in one of a thousand records.
+// Mean square residual over that of chance, and the value that chance exceeds in one of a thousand records.
 struct Misfit {
   double mean = std::numeric_limits<double>::infinity(), limit = 1.0;
 };
 Misfit misfit_of(const Spectrum& p, Index bins, const Fitted& fit) {
   if (!std::isfinite(fit.value)) return {};
   const ArrayXd lambda = (p.unit.topRows(bins).matrix() * fit.squares.matrix()).array();
-  double sum = 0.0, count = 0.0, power = 0.0, n = 0.0;  // the lowest bins together, until they are 8 coefficients
+  double sum = 0.0, count = 0.0, power = 0.0, n = 0.0;  // the lowest bins are pooled up to 8 coefficients
   for (Index b = 0; b < bins; ++b) {
     power += (p.xx[b] + fit.ramp * (fit.ramp * p.gg[b] - 2.0 * p.xg[b])) / lambda[b];
     n += p.n[b];
@@ -349,7 +349,7 @@ Misfit misfit_of(const Spectrum& p, Index bins, const Fitted& fit) {
   return {.mean = sum / count, .limit = chi_square_limit(1e-3, count) / count};
 }
 
-// The largest square with which -2 ln L is still within 2.71 of its minimum (95 %, one-sided).
+// Returns the largest square at which -2 ln L is still within 2.71 of its minimum (95 %, one-sided).
 double limit_of(const Spectrum& p, Index bins, const Fitted& best, Index term) {
   const ArrayXd unit = p.unit.col(term);
   const auto beyond = [&](double square) {
@@ -372,7 +372,7 @@ AllanFit fit_of(const Spectrum& p) {
   Index bins = p.hz.size();
   std::vector<Fitted> all = all_choices(p, bins);
   Misfit misfit = misfit_of(p, bins, best_of(all));
-  // Four octaves are left at least: counting in pulses may give lines down to a hertz.
+  // At least four octaves remain: counting in pulses may give lines down to a hertz.
   for (double top = 0.5 * p.hz[bins - 1]; misfit.mean > misfit.limit && top > 16.0 * p.hz[0]; top *= 0.5) {
     std::vector<Fitted> tried = all_choices(p, p.bins(top));
     const Misfit left = misfit_of(p, p.bins(top), best_of(tried));
@@ -454,7 +454,7 @@ AllanAxis analyse(const RestCells& cells, std::size_t axis) {
       result.points.push_back(point);
     }
   };
-  const double whole = fine ? 7.9 * cells.cell_s : 0.0;  // from 8 on
+  const double whole = fine ? 7.9 * cells.cell_s : 0.0;  // from 8 cells on
   if (fine) add(first, cells.sample_s, 0.0, whole);
   add(rests, cells.cell_s, whole, highest);
   return result;
@@ -512,7 +512,7 @@ void RestCellMaker::begin_rest() {
 
 void RestCellMaker::add(std::int64_t counter, const Channels& increments) {
   if (first_ && counter <= *last_) return;
-  // After a tenth of what was there it may be at another reading.
+  // After a gap of a tenth of the rest the reading may be another: a new rest begins.
   if (first_ && 10 * (counter - *last_ - 1) > *last_ - *first_ + 1) begin_rest();
   if (!first_) {
     first_ = counter;
@@ -536,7 +536,7 @@ void RestCellMaker::close_cell() {
   ++cell_;
 }
 
-// Two cells of each become one; what is odd at the end of a rest is dropped, or, of the one that goes on, waited for.
+// Merges cells in pairs. An odd one at the end of a rest is dropped; in the open rest its partner is awaited.
 void RestCellMaker::halve() {
   const std::size_t begin = cells_.ends.empty() ? 0 : cells_.ends.back();
   if ((cells_.mean[0].size() - begin) % 2 != 0) return;
@@ -558,7 +558,7 @@ void RestCellMaker::halve() {
     if (r < cells_.ends.size()) cells_.ends[r] = to;
   }
   for (auto& mean : cells_.mean) mean.resize(to);
-  // The open cell begins where it did.
+  // The open cell keeps its beginning.
   a_cell_ *= 2;
   cell_ /= 2;
 }

@@ -14,8 +14,8 @@ Eigen::Matrix3d cofactor(const Eigen::Matrix3d& g) {
   return c;
 }
 
-// u of u x (r x v). Half the mean square of the angle: 1/6 r r in even rotation, 1/10 or 4/15 where it begins or ends; by the mean angle m,
-// (m/2 - r/12) r is 1/6, 1/12 or 1/4. What even rotation then leaves of a force that does not turn with the unit is r^4 / 360 of it.
+// Returns u of the third-order term u x (r x v). Half the mean square of the angle is 1/6 r r in even rotation, 1/10 or 4/15 where it begins or ends;
+// by the mean angle m, (m/2 - r/12) r is 1/6, 1/12 or 1/4. r^2 / 360 removes what even rotation leaves of a force that does not turn with the unit.
 Eigen::Vector3d third_order_angle(const Eigen::Vector3d& mean_angle, const Eigen::Vector3d& r) {
   return 0.5 * mean_angle - (1.0 / 12.0 - r.squaredNorm() / 360.0) * r;
 }
@@ -46,7 +46,7 @@ BlockMotion evaluate(const Block& block, const SensorModel& m, double period_s) 
   const Eigen::Vector3d mean_angle = middle / t - 0.5 * t * b;
   const Eigen::Vector3d& r = motion.rotation;
   motion.velocity = dv + sculling + third_order_angle(mean_angle, r).cross(r.cross(dv));
-  // sum beta_i (T - s_i) / T, turned by the mean third of the rotation that it sees
+  // sum beta_i (T - s_i) / T, rotated by a third of the rotation: the mean over the block
   const Eigen::Vector3d mean = speed - speed_time / t - 0.5 * f0 * t;
   motion.mean_velocity = mean + motion.rotation.cross(mean) / 3.0;
   return motion;
@@ -68,11 +68,11 @@ void differentiate(const Block& block, const BlockMotion& motion, const SensorMo
   const Vector3d speed_time = m.accel_scale * block.accel_time - 0.5 * t * t * f0;
   const Vector3d lag = m.gyro_scale * (2.0 * block.gyro_time - t * block.gyro);  // before - prefix of evaluate
 
-  // What a turn, a change of the mean angle and a push do to the velocity, and to its mean: of (m/2 - r/12) x (r x dv) by a change of r, m, dv.
+  // Derivatives of the velocity by rotation, mean angle and dv, and of its mean by rotation: those of (m/2 - r/12) x (r x dv) by r, m, dv.
   const Vector3d u = third_order_angle(middle / t - 0.5 * t * b, r);
   const Matrix3d by_turn = skew(r.cross(dv)) / 12.0 - skew(u) * skew(dv), by_mean_angle = -0.5 * skew(r.cross(dv)),
                  by_push = Matrix3d::Identity() + skew(u) * skew(r), mean_by_turn = skew(dv) / -6.0;
-  // Of a parameter of each axis, `every` rows from `first` on.
+  // Sets the rows of a parameter with one value per axis: `every` rows apart, from `first` on.
   const auto set = [&](ParameterRows& of, int first, int every, const Matrix3d& by_axis) {
     for (int axis = 0; axis < 3; ++axis) {
       const int row = first + every * axis;

@@ -92,10 +92,10 @@ void ClippingFinder::note(std::vector<DataEvent>& events) {
 
 namespace {
 
-// Increments a sample; 0 beside a gap.
+// Returns increments per sample; 0 beside a gap.
 double mean(const Block& b, int axis) { return b.samples > 0 && b.missing == 0 ? b.gyro[axis] / b.samples : 0.0; }
 
-// What the axis repeats at its highest in one turn, increments a sample, with its sign; 0: it does not repeat itself.
+// Returns the highest value of one turn if the axis repeats it, in increments per sample, with its sign; else 0.
 double repeated(const CompressedRecording& recording, const TableTurn& turn, int axis) {
   double extreme = 0.0;
   for (std::size_t k = turn.first; k < turn.end; ++k)
@@ -103,7 +103,7 @@ double repeated(const CompressedRecording& recording, const TableTurn& turn, int
   const bool counted = recording.info.gyro_increment == IncrementKind::pulses;
   if (extreme == 0.0 || (counted && std::abs(extreme - std::round(extreme)) > same * std::abs(extreme))) return 0.0;
   std::int64_t longest = 0, run = 0, near = 0;
-  int blocks = 0;  // of the run: one alone repeats nothing
+  int blocks = 0;  // of the run: a single one repeats nothing
   for (std::size_t k = turn.first; k < turn.end; ++k) {
     const double x = mean(recording.blocks[k], axis);
     if (x / extreme > 1.0 - clipping_limits.short_by) near += recording.blocks[k].samples;
@@ -126,7 +126,7 @@ std::vector<DataEvent> clipped_turns(const CompressedRecording& recording) {
   };
   const std::vector<Block>& blocks = recording.blocks;
   const auto turns = [&](std::size_t k) { return recording.rotates(blocks[k]); };
-  std::array<std::array<double, 2>, 3> fastest{};  // of each axis and sense
+  std::array<std::array<double, 2>, 3> fastest{};  // by axis and sense
   const auto fastest_as = [&](int axis, double x) -> double& { return fastest[axis][x < 0.0 ? 1 : 0]; };
   for (std::size_t k = 0; k < blocks.size(); ++k)
     for (int axis = 0; axis < 3 && turns(k); ++axis) {
@@ -134,7 +134,7 @@ std::vector<DataEvent> clipped_turns(const CompressedRecording& recording) {
       fastest_as(axis, x) = std::max(fastest_as(axis, x), std::abs(x));
     }
   std::vector<Suspect> suspects;
-  double whole = 0.0;  // what a turn that does not repeat itself adds up to: the scale factor may be far from nominal
+  double whole = 0.0;  // largest sum of a turn without repetition: the scale factor may be far from nominal
   for (const TableTurn& turn : table_turns(recording)) {
     const double felt = turn.felt_rad() / turn.commanded_rad;
     const std::size_t before = suspects.size();
@@ -147,7 +147,7 @@ std::vector<DataEvent> clipped_turns(const CompressedRecording& recording) {
   }
   if (whole == 0.0) whole = 1.0;
   std::erase_if(suspects, [&](const Suspect& s) { return s.felt >= (1.0 - clipping_limits.short_by) * whole; });
-  // Where a gyro has clipped once it clips whenever it reads as much, be the turn short by little or about several axes.
+  // A gyro that has clipped once clips whenever it reads as much, even in a turn that is hardly short or about several axes.
   std::vector<DataEvent> events;
   for (int axis = 0; axis < 3; ++axis) {
     int segment = -1;

@@ -15,8 +15,8 @@ namespace turncal {
 
 namespace {
 
-// In a segment called at rest the unit may still turn (a table that settles, a hand that lets go late). What turns faster
-// than this against the median of its segment is no rest, nor are the blocks before and after it.
+// In a segment called at rest the unit may still turn (a table that settles, a hand that lets go late). A block that
+// turns faster than this against the median of its segment is no rest, nor are its neighbours.
 constexpr double turning_radps = 0.003;
 
 void leave_out_turning(const RecordingInfo& info, std::span<Block> blocks) {
@@ -33,15 +33,15 @@ void leave_out_turning(const RecordingInfo& info, std::span<Block> blocks) {
   std::vector<std::size_t> turning;
   for (std::size_t k = 0; k < blocks.size(); ++k)
     if ((blocks[k].gyro / blocks[k].duration_s - usual).norm() > limit) turning.push_back(k);
-  if (turning.size() > blocks.size() / 4) return;  // noise as loud as that, or no rest at all: not for us to say
+  if (turning.size() > blocks.size() / 4) return;  // noise that loud, or no rest at all: not decided here
   for (const std::size_t k : turning)
     for (std::size_t i = k > 0 ? k - 1 : k; i <= k + 1 && i < blocks.size(); ++i) blocks[i].whole_second = false;
 }
 
-// Neighbouring blocks of a turn at one rate go together up to this: gravity is exact there to the fifth order (block_motion.h).
+// Neighbouring blocks of a turn at one rate are merged up to this: gravity is exact there to the fifth order (block_motion.h).
 constexpr double steady_angle_rad = 0.05, steady_s = 0.5;
 
-// Before or after the sample that is to come: in the segment of the last one, or in its own.
+// Does the unit turn beside the next sample: in its segment, or in that of the last sample?
 bool turns_beside(const CompressedRecording& recording, const Block& open) {
   if (recording.segments.back().kind == SegmentKind::rotate) return true;
   if (open.samples > 0 || recording.blocks.empty()) return false;
@@ -49,7 +49,7 @@ bool turns_beside(const CompressedRecording& recording, const Block& open) {
 }
 
 bool at_one_rate(const Block& a, const Block& b) {
-  // Of a long block: 4e-4 of the 2.8 m/s gained is of the third order, and that part of it unknown.
+  // In a long block 4e-4 of the 2.8 m/s gained is of third order, and this part of it is unknown.
   constexpr double alike = 0.003;
   const Eigen::Vector3d rate = a.gyro / a.duration_s;
   return (b.gyro / b.duration_s - rate).norm() < alike * rate.norm();
@@ -64,8 +64,8 @@ void note_set_aside(std::int64_t counter, const Segment& segment, std::vector<Da
     events.push_back({DataEvent::Kind::invalid, counter, 1, set_aside_axis, 0.0});
 }
 
-// A thermometer that is read more seldom than a block lasts: linear in time between the blocks that have a value, constant before the
-// first and after the last.
+// Fills the temperature of blocks without a reading (the thermometer is read less often than blocks end): linear in
+// time between the blocks that have one, constant before the first and after the last.
 void fill_temperature(std::vector<Block>& blocks) {
   const auto measured = [&](std::size_t k) { return !std::isnan(blocks[k].temperature_c); };
   const auto middle = [&](std::size_t k) {
@@ -95,15 +95,15 @@ void fill_temperature(std::vector<Block>& blocks) {
   }
 }
 
-// dT/dt in the middle of each block: of the quadratic that is nearest to the temperatures of two minutes about it (Savitzky and Golay, Anal. Chem.
-// 36 (1964) 1627), at either end of the recording of those of the first and last so many seconds.
+// Sets dT/dt in the middle of each block: the slope of the quadratic fitted to the temperatures of two minutes about it (Savitzky
+// and Golay, Anal. Chem. 36 (1964) 1627); at either end of the recording, to those of its first or last two minutes.
 void add_temperature_rates(CompressedRecording& recording) {
   constexpr double half_s = 60.0;
   std::vector<Block>& blocks = recording.blocks;
   if (blocks.size() < 3 || std::isnan(blocks.front().temperature_c)) return;
   const auto middle_s = [&](std::size_t k) { return recording.middle_s(blocks[k]); };
   const double last_s = middle_s(blocks.size() - 1) - half_s;
-  // Over [first, end) and about the middle of block k: durations times powers of u, and those times the temperature.
+  // Sums over [first, end), about the middle of block k: durations times powers of u, and those times the temperature.
   double m[5] = {};
   Eigen::Vector3d right = Eigen::Vector3d::Zero();
   std::size_t first = 0, end = 0;
@@ -114,7 +114,7 @@ void add_temperature_rates(CompressedRecording& recording) {
       m[0] += t, m[1] += t * u, m[2] += t * u2, m[3] += t * u2 * u, m[4] += t * u2 * u2;
       right += t * (blocks[i].temperature_c - blocks.front().temperature_c) * Eigen::Vector3d(1.0, u, u2);
     };
-    if (k > 0) {  // moved on
+    if (k > 0) {  // moves the sums to the new middle
       const double d = (middle_s(k - 1) - at_s) / half_s;
       for (int times = 1; times <= 4; ++times)
         for (int p = 4; p >= times; --p) m[p] += d * m[p - 1];
@@ -183,7 +183,7 @@ void Compressor::end_segment(SegmentKind final_kind, std::int64_t end_sample) {
   Segment& segment = recording_.segments.back();
   segment.end_sample = end_sample;
   if (segment.kind != final_kind) {
-    // A dwell that did not count: nobody vouches for rest, so no block of it is a static second.
+    // A dwell that did not count: it may not be a rest, so no block of it is a static second.
     const int index = int(recording_.segments.size()) - 1;
     for (auto block = recording_.blocks.rbegin(); block != recording_.blocks.rend() && block->segment == index; ++block)
       block->whole_second = false;
@@ -204,7 +204,7 @@ void Compressor::add(std::span<const ImuSample> samples) {
 void Compressor::add_one(const ImuSample& sample) {
   std::int64_t gap = 0;
   if (recording_.samples > 0 && sample.counter != next_counter_) {
-    if (sample.counter < next_counter_) {  // came twice: what the counter says was already counted is not counted again
+    if (sample.counter < next_counter_) {  // a duplicate is not counted again
       recording_.events.push_back({DataEvent::Kind::duplicate, sample.counter, 1, -1, 0.0});
       return;
     }
@@ -221,7 +221,7 @@ void Compressor::add_one(const ImuSample& sample) {
     recording_.events.push_back({DataEvent::Kind::invalid, sample.counter, 1, -1, 0.0});
   if ((sample.flags & sample_flag_set_aside) != 0)
     note_set_aside(sample.counter, recording_.segments.back(), recording_.events);
-  // Across a gap in a turn the neighbours are others: a turn goes on meanwhile.
+  // Across a gap in a turn the neighbours are unknown: the turn went on.
   if (gap > 0 && turns_beside(recording_, block_)) glitches_.forget_neighbours(sample);
   glitches_.add(sample, recording_.events);
   next_counter_ = sample.counter + 1;
@@ -248,7 +248,7 @@ void Compressor::add_sums(const Eigen::Vector3d& alpha, const Eigen::Vector3d& b
   Block& b = block_;
   const bool goes_on = have_previous_ && !behind_a_gap;
   if (b.samples == 0) b.gyro_at_start = goes_on ? (0.5 * (previous_gyro_ + alpha)).eval() : alpha;
-  // What this sample and the one before it tell of the motion within both.
+  // The motion within this sample and the one before it, as far as the two determine it.
   double within = 0.0;
   if (goes_on) {
     within = within_sample(alpha);
@@ -279,7 +279,7 @@ void Compressor::close_full_block() {
     close_block();
 }
 
-// What this sample tells of the motion within the one before it, in a block that is closed.
+// Adds what this sample tells of the motion within the one before it, in a closed block.
 void Compressor::add_to_closed_block(const Eigen::Vector3d& alpha, const Eigen::Vector3d& beta) {
   const double within = within_sample(previous_gyro_);
   Block& before = recording_.blocks.back();
@@ -287,7 +287,7 @@ void Compressor::add_to_closed_block(const Eigen::Vector3d& alpha, const Eigen::
   before.sculling += within * (previous_gyro_ * beta.transpose() - alpha * previous_accel_.transpose());
 }
 
-// Not over the border of a segment: a run that was interrupted goes on behind one, and the unit may have been moved.
+// Fills no gap at the border of a segment: an interrupted run resumes behind one, and the unit may have been moved.
 bool Compressor::fill(const ImuSample& next, std::int64_t gap) {
   if (gap > fault_limits.most_filled || !filler_.can_fill()) return false;
   const bool at_rest = recording_.segments.back().kind != SegmentKind::rotate;
@@ -394,13 +394,13 @@ GapFill GapFiller::fill(const ImuSample& next, std::int64_t lost, bool at_rest, 
     step.setZero();
     for (int k = 0; k < 6; ++k) {
       const double part = n * first[k] - std::floor(n * first[k]);
-      constexpr double of_rounding = 1.0 / 6.0;  // of two ends that noise puts anywhere
+      constexpr double of_rounding = 1.0 / 6.0;  // at both ends of a noisy count
       variance[k] = n * square[k];
       if (counted_[k / 3]) variance[k] = std::min(variance[k], std::max(part * (1.0 - part), of_rounding));
       variance[k] += n * n * square[k] / double(memory);
     }
   } else {
-    constexpr double corner = 20.0;  // one in 300 of white noise, whose changes of slope are 7/3 of D
+    constexpr double corner = 20.0;  // one in 300 of white noise, whose changes of slope have a mean square of 7/3 D
     const Channels& last = samples_[(seen_ - 1) % memory];
     const Channels& before = samples_[(seen_ - 2) % memory];
     step = (channels_of(next) - last) / (n + 1.0);

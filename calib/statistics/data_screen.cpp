@@ -26,7 +26,7 @@ bool is_glitch(const DataEvent& e) {
 
 constexpr double circle_deg = 360.0;
 constexpr double least_s = 20.0;
-// Of a turn that two gyros feel: the third may be 25 deg off its axis, and then feels some of it.
+// Part of a turn that two gyros must measure to excuse the third: the turn's axis is then within 25 deg of their plane.
 constexpr double whole = 0.9;
 
 }  // namespace
@@ -130,7 +130,7 @@ void GlitchFinder::add(const ImuSample& sample, std::vector<DataEvent>& events) 
   ++seen_;
 }
 
-// A suspect does not spoil the scale it is measured against.
+// A suspect stays out of the rms that it is measured against.
 void GlitchFinder::suspect(const ImuSample& sample, const Channels& difference, const Channels& square,
                            const Channels& limit, std::vector<DataEvent>& events) {
   if (wait_ == 0) unconfirmed_ = events.size();

@@ -110,7 +110,7 @@ void RestFinder::choose_threshold(const std::vector<double>& ratios, Segmentatio
     if (k == 50) judge(at + step, count);
   }
   if (best_length > segmentation_limits.shortest_plateau) {
-    // Near the lower end: what is above it already holds the first of the motion.
+    // Near the lower end: a higher threshold lets in the beginning of motion.
     result.threshold = result.plateau_begin * std::pow(10.0, std::min(0.5, best_length / 3.0));
     result.reason = fmt::format(
         "the number of rests stays the same for thresholds from {:.3g} to {:.3g}, the longest such stretch; taken near "
@@ -137,7 +137,7 @@ std::vector<RestFinder::Run> RestFinder::runs_below(const std::vector<double>& r
   std::size_t first = 0;
   std::size_t last_quiet = 0;
   const auto close = [&] {
-    // Windows first..last_quiet were quiet: the cells they cover.
+    // Windows first..last_quiet were quiet: takes the cells they cover.
     runs.push_back({first, last_quiet + width});
     inside = false;
   };
@@ -151,7 +151,7 @@ std::vector<RestFinder::Run> RestFinder::runs_below(const std::vector<double>& r
     if (inside && (ratios[k] > segmentation_limits.hysteresis * threshold || k - last_quiet >= width)) close();
   }
   if (inside) close();
-  // Two runs may share cells: the moved cell between them belongs to neither.
+  // Two runs may share cells: the cell between them that moved belongs to neither.
   for (std::size_t k = 1; k < runs.size(); ++k)
     if (runs[k].first < runs[k - 1].end) {
       const std::size_t from = runs[k].first;
@@ -190,9 +190,9 @@ void RestFinder::cut_to_still(std::vector<Run>& runs, Segmentation& result) cons
   SixChannels noise;
   noise << Eigen::Array3d::Constant(result.quiet_gyro), Eigen::Array3d::Constant(result.quiet_accel);
   noise /= std::sqrt(double(cell_samples_));
-  // Rests that tremble (held by hand) are rests all the same: they do so by this variance ratio at least, or fewer would be found.
+  // Rests that tremble (held by hand) count as rests: with a smaller variance ratio than this, fewer of them would be found.
   noise *= std::sqrt(std::max(1.0, result.plateau_begin));
-  // The guard is cut off later: what moves in it is no reason to cut more, and a cut keeps its distance for it.
+  // The guard is cut off later: motion within it needs no cut here, and a cut leaves room for it.
   const auto spared = std::size_t(samples_in(options_.guard_s) / cell_samples_);
   std::vector<SixChannels> means;
   for (Run& run : runs) {

@@ -16,7 +16,7 @@
 namespace turncal {
 namespace {
 
-// Of the rest that ends before block `end`, increments a second: biases of degrees in the time of a turn, and the earth's rate.
+// Returns the rate, in increments per second, of the rest before block `end`: the Earth's, and biases that reach degrees in the time of a turn.
 Eigen::Vector3d rate_at_rest(const std::vector<Block>& blocks, std::size_t end) {
   Eigen::Vector3d sum = Eigen::Vector3d::Zero();
   double t = 0.0;
@@ -93,7 +93,7 @@ const UnitSlip* slip_near(std::span<const UnitSlip> slips, double ratio) {
 }
 
 std::string wrong_gravity(double ratio, const RecordingInfo& info) {
-  // A pulse's nominal weight may be off by more than a scale factor; one that is twice too large shows.
+  // The nominal weight of a pulse may be off by more than a scale factor; a factor of two shows.
   const double far = info.accel_increment == IncrementKind::pulses ? 1.8 : 1.0 + roughest_scale;
   const bool is_far = ratio >= far || ratio <= 1.0 / far;
   if (info.accel_increment == IncrementKind::pulses)
@@ -176,7 +176,7 @@ std::string wrong_axes(const Eigen::Matrix3d& n) {
   for (int i = 0; i < 3; ++i) {
     int most = 0;
     n.row(i).cwiseAbs().maxCoeff(&most);
-    // Not one gyro for each axis: the fit has ended elsewhere.
+    // No single gyro reads this axis: the fit has ended elsewhere.
     if (n.row(i).cwiseAbs().sum() > (1.0 + far) * std::abs(n(i, most)) || std::abs(n(i, most)) < far)
       return "signs or axes: no turn carries gravity from rest to rest as the gyros read it";
     if (most == i && n(i, i) > 0.0) continue;
@@ -191,7 +191,7 @@ std::string wrong_table_axes(const CompressedRecording& recording, const Eigen::
   const auto attitude = [&](const Segment& s) { return Eigen::Matrix3d(attitude_at(angles_of(s)) * mounting); };
   Eigen::Matrix3d turned = Eigen::Matrix3d::Zero(), felt = Eigen::Matrix3d::Zero();
   for (const TableTurn& turn : table_turns(recording)) {
-    // A hundredth of the turn: its direction, however often it goes round.
+    // A hundredth of the turn gives its direction, however often it goes round.
     const std::size_t segment = recording.blocks[turn.first].segment;
     const Segment& from = recording.segments[segment - 1];
     Segment begun = recording.segments[segment];
