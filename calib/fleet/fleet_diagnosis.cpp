@@ -29,17 +29,17 @@ std::string effect_of(const std::string& component) { return component.substr(0,
 
 double log10_p(double z, double degrees) {
   const double p = f_tail(z * z, 1.0, std::max(degrees, 1.0));
-  // Beyond what a double holds: the tail of the normal distribution.
+  // Below the range of a double: the tail of the normal distribution.
   return p > 1e-290 ? std::log10(p) : -(z * z) / (2.0 * std::log(10.0));
 }
 
-// The best of both kinds of one component.
+// The best constant and the best change in time of one component.
 struct BestOf {
   Found constant, shape;
 };
 BestOf best_of(const FleetScores& scores, const Hypotheses& hypotheses, std::size_t c, int factors) {
   BestOf best;
-  // Each factor's hypotheses beside the scatter of units that all its levels leave; those of all with the first factor's.
+  // Tests each factor's hypotheses beside the unit scatter that all its levels leave; those of all units with the first factor.
   for (int f = factors == 0 ? -1 : 0; f < factors; ++f) {
     const Component component = component_of(scores, c, f);
     if (component.degrees < 3.0) continue;
@@ -58,7 +58,7 @@ BestOf best_of(const FleetScores& scores, const Hypotheses& hypotheses, std::siz
   return best;
 }
 
-// 95 % of when it began, by the profile of z^2 over days.
+// Sets the 95 % interval of the beginning, by the profile of z^2 over days.
 void date_it(const FleetScores& scores, Found& found, FleetEffect& effect) {
   const Component component = component_of(scores, found.component, found.hypothesis.factor);
   double first = std::numeric_limits<double>::infinity(), last = -first;
@@ -96,7 +96,7 @@ void apply(FleetScores& scores, const Found& found, double value) {
     if (x[i] != 0.0) scores.subtract(i, found.component, value * x[i]);
 }
 
-// Other effects that would do about as well where this one is, with the scores from before it was taken off.
+// Returns other effects that explain about as much in this place, by the scores before it was removed.
 std::vector<std::string> rivals_of(const FleetScores& scores, const std::vector<BestOf>& best, const Found& found,
                                    const std::vector<std::string>& factors) {
   std::vector<std::string> rivals;
@@ -119,7 +119,7 @@ std::vector<std::string> rivals_of(const FleetScores& scores, const std::vector<
   return rivals;
 }
 
-// Each of those chosen again beside the others.
+// Estimates each chosen effect again beside the others.
 void settle(FleetScores& scores, std::vector<Selected>& chosen) {
   for (int round = 0; round < 3; ++round)
     for (Selected& s : chosen) {
@@ -131,7 +131,7 @@ void settle(FleetScores& scores, std::vector<Selected>& chosen) {
     }
 }
 
-// What was found is off the scores when this returns; d.tests is set.
+// On return the effects found are removed from the scores, and d.tests is set.
 std::vector<Selected> select_common(FleetScores& scores, const std::vector<std::string>& factors, bool with_shapes,
                                     FleetDiagnosis& d) {
   std::vector<Selected> chosen;
@@ -185,7 +185,7 @@ struct Deviation {
 
 double median_of(std::vector<double> values) { return values.empty() ? 0.0 : median(values); }
 
-// Of every recording, from what is common to it: its worst component. Not of parameters, which have no zero.
+// Returns the worst component of every recording, as its deviation from what is common; not of parameters, whose zero is unknown.
 std::vector<Deviation> worst_deviations(const FleetScores& scores) {
   std::vector<Deviation> worst(scores.size());
   for (std::size_t c = 0; c < scores.effects(); ++c) {
@@ -232,8 +232,8 @@ struct Explanation {
   std::vector<Deviation> units;
 };
 
-// Units that stand out hide what is common, and may pass for it; what is common makes all units of a station stand out. So one is
-// looked for beside the other until nothing changes, and first of all what is common: without what changes with time, or with it.
+// Units that stand out hide common effects and can imitate them; a common effect makes all units of a station stand
+// out. So the two searches alternate until nothing changes. Common effects come first, with changes in time or without.
 Explanation search(FleetScores& scores, const std::vector<std::string>& factors, bool with_shapes, FleetDiagnosis& d) {
   std::vector<Selected> chosen = select_common(scores, factors, with_shapes, d);
   std::vector<Deviation> units = set_units_aside(scores);
@@ -255,8 +255,8 @@ Explanation search(FleetScores& scores, const std::vector<std::string>& factors,
   return {std::move(chosen), std::move(units)};
 }
 
-// What an explanation takes off chi-square, less what each part of it would have to take off to be believed by itself. Parameters
-// have no chi-square, and what they do follows the effects: they do not count.
+// Returns the fall of chi-square by an explanation, less what each of its parts must reach to be significant by itself.
+// Parameters do not count: they have no chi-square, and follow the effects.
 double worth(const Explanation& e, const FleetScores& scores, const FleetDiagnosis& d) {
   const auto effects =
       std::ranges::count_if(e.chosen, [&](const Selected& s) { return !scores.is_parameter(s.found.component); });
@@ -285,7 +285,7 @@ void summarise(const FleetScores& scores, int count, FleetDiagnosis& d) {
   }
 }
 
-// What is left at each level, in directions that do not share their noise: sum of z^2 ~ chi-square.
+// Tests what is left at each level, in directions with independent noise: sum of z^2 ~ chi-square.
 void test_what_is_left(const FleetScores& scores, const std::vector<std::string>& factors, FleetDiagnosis& d) {
   if (scores.effects() == 0) return;
   const Eigen::MatrixXd Q = scores.information();
@@ -328,7 +328,7 @@ FleetDiagnosis diagnose_fleet(const std::vector<FleetMember>& members, const Fle
   FleetDiagnosis d;
   for (std::size_t f = 0; f < factors.size(); ++f) d.levels.push_back(scores.levels(f));
   Explanation best = search(scores, factors, true, d);
-  // Units may pass for what changes with time, and the end of a steep ramp for units: the other way round as well.
+  // Units that stand out can imitate a change in time, and the end of a steep ramp such units: the other order is tried as well.
   if (!best.units.empty()) {
     FleetScores other_scores(members, factors.size());
     Explanation other = search(other_scores, factors, false, d);

@@ -1,21 +1,21 @@
-// What a fleet shows that no single unit can: effects common to all, to a station, to a lot, and units that stand out.
+// Diagnosis of a fleet: effects common to all units, to a station, to a lot, and units that stand out. No single unit shows these.
 //
-// Every recording left its scores of all effects (unit_statistics.h). For one component, y = s / Q with variance 1 / Q, and what units have of it
-// scatters besides (fleet_scores.h). With N recordings a common effect of 1 / sqrt(N) of what one recording shows is seen.
+// Every recording leaves its scores of all effects (unit_statistics.h). For one component, y = s / Q with variance 1 / Q; units scatter besides
+// (fleet_scores.h). N recordings show a common effect of 1 / sqrt(N) of the smallest that one recording shows.
 //
-// 1. Forward selection over component x (all, each level of each factor): z = beta / sigma of a generalised least squares fit, sigma_b^2 by
-//    restricted likelihood beside all levels of that factor, and what units change by from recording to recording. p by Student's t with the units' degrees of freedom, times the number of tests (Bonferroni).
-//    The best is taken off the scores of those it is common to (s - Q beta), so that its aliases do not follow it, and all is tested again.
-// 2. The same for what began or grew at one level of a factor: a step or a ramp from a day t0 on, with half of the false alarms; a change of shape
+// 1. Forward selection over component x (all, each level of each factor): z = beta / sigma of a generalised least squares fit, with sigma_b^2 by
+//    restricted likelihood beside all levels of that factor, and the units' changes between recordings. p by Student's t with the units' degrees of
+//    freedom, times the number of tests (Bonferroni). The best is removed from the scores (s - Q beta) with its aliases, and all is tested again.
+// 2. The same for what began or grew at one level of a factor: a step or a ramp from a day t0 on, with half of the false alarms; a change in time
 //    must be better than a constant by shape_margin (limits.h). t0 has an interval by likelihood.
-// 3. Units that stand out from what is common by more than a family-wise limit, in units of their own sigma and the robust scatter of all. The
-//    component that explains most is theirs and is taken off their scores; then 1 and 2 again, until nothing changes.
-//    Begun with 1 and 2, and begun with 1 alone: of the two the better by chi-square and number of parts (Rissanen, Automatica 14 (1978) 465).
-// 4. Parameters are tested like effects, but against the other levels, since a fleet has no zero of theirs.
-// 5. Lack of fit: what is left at each level along directions whose noise is not shared, as chi-square.
+// 3. Units that deviate from what is common by more than a family-wise limit, in units of their own sigma and the robust scatter of all. The
+//    component that explains most is assigned to the unit and removed from its scores; then 1 and 2 again, until nothing changes. The search begins
+//    with 1 and 2, or with 1 alone; the better one by chi-square and number of parts is kept (Rissanen, Automatica 14 (1978) 465).
+// 4. Parameters are tested like effects, but against the other levels, since a fleet does not know their zero.
+// 5. Lack of fit: the remainder at each level along directions with independent noise, as chi-square.
 //
-// What is common to a station is not its units': `cause_at_station` says what of table, site or fixture would look like that.
-// Not modelled: interactions of factors; units that change; effects that are common and multiply another.
+// An effect common to a station need not come from its units: `cause_at_station` names a cause in table, site or fixture that looks the same.
+// Not modelled: interactions of factors; units that change; common effects that multiply another.
 #pragma once
 
 #include <string>
@@ -27,7 +27,7 @@ namespace turncal {
 
 struct FleetMember {  // one recording
   std::string unit;
-  std::vector<std::string> level;  // of each factor; empty: not known, a level of its own
+  std::vector<std::string> level;  // one per factor; empty: unknown, a level of its own
   double day = 0.0;                // of the recording, from any beginning; NaN: not known
   UnitStatistics statistics;
 };
@@ -37,20 +37,20 @@ struct FleetOptions {
   bool summary = true;  // FleetDiagnosis::components
 };
 
-struct FleetEstimate {  // z from zero (of parameters: from the others)
+struct FleetEstimate {  // z: from zero (parameter: from the other levels)
   double value = 0.0, sigma = 0.0, z = 0.0;
 };
 
 enum class FleetShape { constant, step, ramp };
 const char* to_string(FleetShape shape);
 
-struct FleetEffect : FleetEstimate {  // in the component's unit; of a ramp a day
+struct FleetEffect : FleetEstimate {  // in the component's unit; of a ramp, per day
   std::string component;              // column_key(), or "parameter a11"
   std::string factor, level;          // empty: common to all
   FleetShape shape = FleetShape::constant;
   double log10_p = 0.0;                                       // times the number of tests
   double begin_day = 0.0, begin_low = 0.0, begin_high = 0.0;  // of a step or ramp: 95 %
-  std::vector<std::string> rivals;                            // other effects that would do about as well there
+  std::vector<std::string> rivals;                            // other effects that explain about as much there
   std::size_t recordings = 0;
 };
 
@@ -61,7 +61,7 @@ struct OutstandingUnit : FleetEstimate {
 
 struct ComponentSummary {  // for tables and drawings
   std::string component;
-  double one_unit = 0.0;                           // sigma that one recording has, the median
+  double one_unit = 0.0;                           // median sigma of one recording
   double unit_scatter = 0.0;                       // root of sigma_b^2
   std::vector<double> factor_scatter;              // root of sigma_f^2, of each factor
   std::vector<std::vector<FleetEstimate>> levels;  // of each factor, in the order of FleetDiagnosis::levels
@@ -69,18 +69,18 @@ struct ComponentSummary {  // for tables and drawings
 
 struct FleetDiagnosis {
   std::vector<std::vector<std::string>> levels;  // of each factor
-  std::vector<FleetEffect> effects;              // as they were found
+  std::vector<FleetEffect> effects;              // in the order found
   std::vector<OutstandingUnit> units;
   std::vector<ComponentSummary> components;
   std::size_t tests = 0;
-  double lack_of_fit_log10_p = 0.0;  // of what is left, all together
-  std::string lack_of_fit_at;        // component and level that are worst
+  double lack_of_fit_log10_p = 0.0;  // of what is left: the worst level, times their number
+  std::string lack_of_fit_at;        // worst factor and level
   bool explained() const { return lack_of_fit_log10_p > -2.0; }
 };
 
 FleetDiagnosis diagnose_fleet(const std::vector<FleetMember>& members, const FleetOptions& options);
 
-// What of a table, a site or a fixture gives every unit there this effect; empty: nothing that is known.
+// Returns what in a table, a site or a fixture gives every unit there this effect; empty: nothing known.
 std::string cause_at_station(const std::string& component);
 
 }  // namespace turncal

@@ -32,7 +32,7 @@ Gaussian of_fleet(const std::vector<const EarlierCalibration*>& units, const std
   Eigen::MatrixXd S = values.transpose() * values / (n - 1.0);
   Eigen::VectorXd errors = Eigen::VectorXd::Zero(d);
   for (const EarlierCalibration* unit : units) errors += Eigen::VectorXd(unit->covariance.diagonal()(free)) / n;
-  S.diagonal() = S.diagonal().cwiseMax(errors);  // they are in it
+  S.diagonal() = S.diagonal().cwiseMax(errors);  // S includes them
   const bool whole = count >= 3 * d;
   if (!whole) S = Eigen::MatrixXd(S.diagonal().asDiagonal());
   const double estimated = whole ? double(d) : 1.0;
@@ -96,7 +96,7 @@ PriorEffect use_prior(const FleetPrior& prior, JointResult& e, double false_alar
   }
   if (!effect.changed.empty()) return effect;
 
-  // About where the data say most: p = p_0 - Lambda^-1 (c + P^-1 (p_0 - m)).
+  // Expanded about the optimum of the data: p = p_0 - Lambda^-1 (c + P^-1 (p_0 - m)).
   const Eigen::MatrixXd P = balanced_inverse(Eigen::MatrixXd(prior.covariance(e.free, e.free)));
   const Eigen::MatrixXd covariance = balanced_inverse(information_of(e) + P);
   const Eigen::VectorXd gradient =
@@ -174,7 +174,7 @@ JointResult estimate_with_noise(const CompressedRecording& recording, const Join
   options.faults_of = &estimate;
   JointResult again = joint_estimate(recording, options);
   if (!again.converged) return again;
-  // Of both triads together: it stays where only one of them has an instability now.
+  // The unseen instability is of both triads together: it stays if at most one of them has an instability now.
   const bool both = noise.gyro_bias_instability_radps > 0.0 && noise.accel_bias_instability_mps2 > 0.0;
   if (!both && again.covariance.rows() == estimate.unseen_instability.rows()) {
     again.unseen_instability = estimate.unseen_instability;

@@ -14,14 +14,14 @@ namespace turncal {
 
 namespace {
 
-// The least of f(variance) over 0 and a logarithmic range, by a grid and golden section within its best interval.
+// Returns the variance with the least f over 0 and a logarithmic range: a grid, then golden section in its best interval.
 double least(const std::function<double(double)>& f, double smallest, double largest) {
   constexpr int points = 13;
   const double step = std::log(largest / smallest) / (points - 1);
   double best = 0.0, best_value = f(0.0);
   for (int k = 0; k < points; ++k) {
     const double at = smallest * std::exp(k * step), value = f(at);
-    if (value < best_value - 1e-6) best = at, best_value = value;  // less is rounding: the data say nothing of it
+    if (value < best_value - 1e-6) best = at, best_value = value;  // a smaller fall is rounding: the data do not tell
   }
   if (best == 0.0) return 0.0;
   const double golden = 0.5 * (std::sqrt(5.0) - 1.0);
@@ -38,7 +38,7 @@ double least(const std::function<double(double)>& f, double smallest, double lar
   return std::exp(0.5 * (low + high));
 }
 
-// Between a hundredth of the smallest variance there is and what scatters at all.
+// The range of the search: from a hundredth of the smallest variance to above the total scatter.
 struct Range {
   double smallest, largest;
 };
@@ -54,7 +54,7 @@ Range range_of(const ComponentData& data) {
   return {0.01 * v, std::max(4.0 * scatter, v)};
 }
 
-// -2 log of the restricted likelihood, less constants, beside X and random factors Z with these variances (one a column of Z).
+// Returns -2 log of the restricted likelihood, up to constants, beside X and random factors Z with these variances (one per column of Z).
 double criterion(const ComponentData& data, double variance, const Eigen::MatrixXd& X, const Eigen::MatrixXd& Z,
                  const Eigen::VectorXd& of_factor) {
   const UnitWeights weights(data, variance);
@@ -82,7 +82,7 @@ double criterion(const ComponentData& data, double variance, const Eigen::Matrix
 }  // namespace
 
 UnitWeights::UnitWeights(const ComponentData& data, double unit_variance) : w_(data.v.cwiseInverse()) {
-  double product = 1.0;  // of the factors of the determinant: one logarithm of many
+  double product = 1.0;  // of the determinant's factors: one logarithm for many
   for (Eigen::Index i = 0; i < w_.size();) {
     Unit unit{i, 0, 0.0};
     double sum = 0.0;
@@ -138,7 +138,7 @@ double recording_variance(const ComponentData& data) {
     return square;
   };
   if (scatter(0.0) <= degrees) return 0.0;
-  // It falls with sigma_r^2: halved in its logarithm.
+  // The sum falls with sigma_r^2: bisection in the logarithm.
   const Range range = range_of(data);
   double low = std::log(1e-6 * range.smallest), high = std::log(16.0 * range.largest);
   for (int k = 0; k < 60; ++k) {
@@ -168,7 +168,7 @@ std::vector<double> variance_components(const ComponentData& data, const std::ve
   const Range range = range_of(data);
   std::vector<double> variances(factors.size() + 1, 0.0);
   const auto of_factor = [&](std::size_t f) { return f + 1 < first.size() ? first[f + 1] : columns; };
-  // One after the other, thrice: the likelihood of variances of factors that cross each other has no ridges.
+  // One after the other, three times: the likelihood of crossed factors has no ridges.
   for (int round = 0; round < 3; ++round)
     for (std::size_t k = 0; k < variances.size(); ++k)
       variances[k] = least(
@@ -188,7 +188,7 @@ std::vector<double> variance_components(const ComponentData& data, const std::ve
 
 namespace {
 
-constexpr int most_begins = 24;  // of a step or ramp that are tried
+constexpr int most_begins = 24;  // days tried for a step or ramp
 constexpr std::size_t least_of_shape = fleet_limits.least_of_shape;
 
 double at(const FleetScores& scores, const Hypothesis& h, std::size_t i) {
@@ -198,7 +198,7 @@ double at(const FleetScores& scores, const Hypothesis& h, std::size_t i) {
   return h.shape == FleetShape::step ? double(since >= 0.0) : std::max(0.0, since);
 }
 
-// Of those of the columns that have data.
+// Returns the columns that have data.
 Eigen::MatrixXd used(const ComponentData& data, const Eigen::MatrixXd& X) {
   std::vector<Eigen::Index> columns;
   for (Eigen::Index k = 0; k < X.cols(); ++k)
@@ -206,7 +206,7 @@ Eigen::MatrixXd used(const ComponentData& data, const Eigen::MatrixXd& X) {
   return X(Eigen::all, columns);
 }
 
-// How many units say something.
+// Returns the number of units with data.
 double units_of(const ComponentData& data) {
   double units = 0.0;
   for (std::size_t i = 0; i < data.unit.size();) {

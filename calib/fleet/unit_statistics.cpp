@@ -15,9 +15,9 @@ std::string column_key(const EffectColumn& column) {
 
 UnitStatistics unit_statistics(const CompressedRecording& recording, const JointResult& estimate) {
   std::vector<EffectColumn> candidates = catalogue_columns(recording.info), columns;
-  std::erase_if(candidates, [](const EffectColumn& c) { return c.tau_s > 1920.0; });  // what is slower is a drift here
+  std::erase_if(candidates, [](const EffectColumn& c) { return c.tau_s > 1920.0; });  // a slower one is a drift here
   for (const EstimatedEffect& effect : estimate.effects) columns.push_back(effect.column);
-  const int first = parameter_count + int(columns.size());  // candidate
+  const int first = parameter_count + int(columns.size());  // first candidate
   columns.insert(columns.end(), candidates.begin(), candidates.end());
   EffectModel model = make_effect_model(columns, {recording.info.latitude_deg}, estimate.reference_temperature_c);
   for (std::size_t k = 0; k < estimate.effects.size(); ++k) model.values[k] = estimate.effects[k].value;

@@ -59,7 +59,7 @@ std::vector<Eigen::Matrix3d> signed_axes() {
 
 // Not Quaterniond::FromTwoVectors: for two opposite vectors it has a singular value decomposition, 15 s of compile time.
 Eigen::Matrix3d level(const Eigen::Matrix3d& reference_C_nb, const Eigen::Vector3d& f_b) {
-  const Eigen::Vector3d f_n = (reference_C_nb * f_b).normalized().normalized();  // once leaves an error of rounding
+  const Eigen::Vector3d f_n = (reference_C_nb * f_b).normalized().normalized();  // the second time removes rounding
   const Eigen::Vector3d up = Eigen::Vector3d::UnitY();
   const double c = up.dot(f_n);
   Eigen::Quaterniond turn(0.0, 1.0, 0.0, 0.0);  // upside down: half a turn about any horizontal axis

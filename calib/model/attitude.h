@@ -22,7 +22,7 @@ inline Eigen::Matrix3d skew(const Eigen::Vector3d& a) {
   return m;
 }
 
-// The vector v with v = sum over pairs of x_i x y_i when m = sum of x_i y_i'.
+// Returns v = sum over pairs of x_i x y_i from m = sum of x_i y_i'.
 inline Eigen::Vector3d cross_of_outer(const Eigen::Matrix3d& m) {
   return {m(1, 2) - m(2, 1), m(2, 0) - m(0, 2), m(0, 1) - m(1, 0)};
 }
@@ -36,11 +36,11 @@ Eigen::Matrix3d left_jacobian(const Eigen::Vector3d& s);
 
 Eigen::Matrix3d attitude_from_angles(double heading_rad, double pitch_rad, double roll_rad);
 Eigen::Matrix3d attitude_at(const AxisTriple& deg);
-// The axis of a turn in the body, sense of growing angle; it stands still there while the table turns about it alone.
+// Returns the axis of a turn in the body, in the sense of growing angle. It is fixed there while the table turns about it alone.
 Eigen::Vector3d axis_b(Axis axis, const AxisTriple& at_deg);
 inline AxisTriple angles_of(const Segment& s) { return {{s.heading_deg, s.pitch_deg, s.roll_deg}}; }
 
-// The 48 ways in which three axes stand for three others, forwards or reversed: row i has one entry, 1 or -1.
+// Returns the 48 ways in which three axes stand for three others, forwards or reversed: row i has one entry, 1 or -1.
 std::vector<Eigen::Matrix3d> signed_axes();
 
 // Levelled attitude: the specific force f_b points up (U), and the heading is taken from `reference`, the nearest attitude

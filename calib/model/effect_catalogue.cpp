@@ -14,7 +14,7 @@ constexpr double g0 = standard_gravity_mps2, micro_g = 1e-6 * g0;
 // Specific force in g, the unit in which accelerometer polynomials are stated.
 Vector3d in_g(State s) { return s.f_b / g0; }
 
-// What goes with time and temperature.
+// Functions of time and temperature.
 using Number = double (*)(State s, double tau);
 double hours(State s, double) { return s.time_s / 3600.0; }
 double faded(State s, double tau) { return std::exp(-s.time_s / tau); }
@@ -47,7 +47,7 @@ Vector3d relaxation(State s, double tau) {
   return in_g(s) * std::exp(-s.since_rotation_s / tau);
 }
 Vector3d rate_size(State s, double) { return s.w_b.cwiseAbs(); }
-// The mean square of a rate that changes evenly over the block, less the square of its mean.
+// Returns the mean square of a rate that changes evenly over the block, less the square of its mean.
 Eigen::Array3d more_of_square(State s) { return (s.duration_s * s.w_dot_b).array().square() / 12.0; }
 Vector3d rate_nonlinearity(State s, double) {
   const auto w = s.w_b.array();
@@ -84,7 +84,7 @@ void size_effect(State s, const Site&, double, Out, Out a) {
 void delay(State s, const Site&, double, Out, Out a) { a.col(0) = s.w_b.cross(s.f_b); }
 void g_sensitivity(State s, const Site&, double, Out g, Out) { full(g, in_g(s)); }
 void magnetic(State s, const Site& site, double, Out g, Out) {
-  // The earth's field in gauss, centred dipole: enough to test for a dependence on it, not a survey value.
+  // The Earth's field in gauss, a centred dipole: enough to test for a dependence on it, not a survey value.
   const double latitude = site.latitude_deg * rad_per_deg;
   full(g, s.C_nb.transpose() * Vector3d(0.31 * std::cos(latitude), -0.62 * std::sin(latitude), 0.0));
 }
@@ -98,8 +98,8 @@ void g_squared(State s, const Site&, double, Out g, Out) {
   for (int i = 0; i < 3; ++i)
     g.block<1, 6>(i, 6 * i) << f.x() * f.x(), f.y() * f.y(), f.z() * f.z(), f.x() * f.y(), f.x() * f.z(), f.y() * f.z();
 }
-// At rest a unit turns with the earth. The measured rate has noise there, which a column made from it would share with the
-// velocities that it is to explain: of 28 units two were given a lock-in of 6 sigma.
+// At rest the Earth's rate is used. A column made from the measured rate would share its noise with the velocities that
+// it is to explain: of 28 units two were given a lock-in of 6 sigma.
 void lock_in(State s, const Site& site, double w0_degph, Out g, Out) {
   constexpr double at_rest = 30.0 * earth_rate_radps;
   const Vector3d w = s.w_b.norm() > at_rest ? s.w_b : Vector3d(s.C_nb.transpose() * earth_rate_n(site.latitude_deg));
@@ -108,7 +108,7 @@ void lock_in(State s, const Site& site, double w0_degph, Out g, Out) {
   diagonal(g.leftCols<3>(), reading);
   g.col(3) = reading;
 }
-// The standing wave of a hemispherical shell stays behind the case by 0.277 of what the case turns; its damping has four periods around the rim.
+// The standing wave of a hemispherical shell lags the case by 0.277 of its rotation; its damping has four periods around the rim.
 void wave_angle(State s, const Site&, double, Out g, Out) {
   for (int i = 0; i < 3; ++i) {
     const double phase = 4.0 * 0.277 * s.turned_rad[i];
@@ -133,10 +133,10 @@ std::vector<EffectEntry> make_catalogue() {
                          "y_xy", "y_xz", "y_yz", "z_xx", "z_yy", "z_zz", "z_xy", "z_xz", "z_yz"};
   const Names waves = {"x_cos", "x_sin", "y_cos", "y_sin", "z_cos", "z_sin"};
   const Names earth_axes = {"north", "up"}, period = {"period"}, tau = {"tau"};
-  const Names and_all = {"x", "y", "z", "all"};  // all: gyros of a kind, which else an error of the earth rate imitates
+  const Names and_all = {"x", "y", "z", "all"};  // all: common to the gyros, else like an error of the Earth's rate
   const Names arms = {"x_rx", "x_ry", "x_rz", "y_rx", "y_ry", "y_rz", "z_rx", "z_ry", "z_rz"};
   const Taus warm_up_taus_s = {60.0, 120.0, 240.0, 480.0, 960.0, 1920.0, 3840.0, 7680.0, 30720.0};
-  const Taus scale_warm_up_taus_s = {240.0, 960.0, 1920.0, 7680.0};  // to where an exponential is a drift
+  const Taus scale_warm_up_taus_s = {240.0, 960.0, 1920.0, 7680.0};  // a slower exponential is a drift
   const Taus creep_taus_s = {60.0, 150.0, 400.0, 1000.0}, relaxation_taus_s = {2.0, 5.0, 12.0};
   const Taus lag_taus_s = {150.0, 300.0, 1200.0, 4800.0}, lock_in_rates_degph = {2.0, 5.0, 12.0};
   std::vector<EffectEntry> rows = {

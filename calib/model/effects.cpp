@@ -12,10 +12,10 @@ using Eigen::Vector3d;
 
 constexpr int most_components = 18;
 
-// What the effects with a memory look back on: each is called block after block, from the first on.
+// The memory of effects that depend on earlier blocks; called block after block, from the first on.
 class History {
  public:
-  // Follows f and T with the time constant tau (0: none), and sums what is turned.
+  // Lags f and T by the time constant tau (0: none), and integrates the rotation.
   void follow(BlockState& s, double tau) {
     if (s.time_s <= time_s_) {  // another pass
       turned_.setZero();
@@ -94,7 +94,7 @@ std::vector<EffectColumn> catalogue_columns(const RecordingInfo& info, int recor
 
 EffectModel make_effect_model(const std::vector<EffectColumn>& columns, const Site& site,
                               double reference_temperature_c) {
-  // Consecutive columns of one entry, tau and recording are written together; a column picks its component from that.
+  // Consecutive columns of one entry, tau and recording are evaluated together; each column picks its component.
   struct Part {
     const EffectEntry* entry;
     double tau_s;

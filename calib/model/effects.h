@@ -1,11 +1,10 @@
-// The catalogue of effects beyond the 24 parameters, an entry an effect (effect_catalogue.cpp).
+// The catalogue of effects beyond the 24 parameters, one entry per effect (effect_catalogue.cpp).
 //
-// An entry says what one unit of each component adds to the calibrated reading, in the units of
-// docs/diagnosis.md. Names follow IEEE 1293 (accelerometer model), 647 (ring laser gyros) and 952.
-// Effects with a time constant that is not known beforehand appear once a value of tau from a list ("variants": the
-// evidence decides between them, and they count as one effect).
-// A component with value p adds p * rate_b (rad/s) to the gyros and p * force_b (m/s^2) to the accelerometers; the model takes it off
-// again: corrected = calibrated - p * regressor.
+// An entry says what one unit of each component adds to the calibrated reading, in the units of docs/diagnosis.md.
+// Names follow IEEE 1293 (accelerometer model), 647 (ring laser gyros) and 952. Effects with an unknown time constant
+// appear once per value of tau in a list ("variants": the evidence decides between them, and they count as one effect).
+// A component with value p adds p * rate_b (rad/s) to the gyros and p * force_b (m/s^2) to the accelerometers; the
+// model removes it: corrected = calibrated - p * regressor.
 #pragma once
 
 #include <functional>
@@ -21,27 +20,27 @@
 
 namespace turncal {
 
-// What a regressor may look at: the motion over one block for the present parameters, SI units.
+// The input of a regressor: the motion over one block for the present parameters, SI units.
 struct BlockState {
   Eigen::Vector3d f_b;      // specific force in the middle of the block, m/s^2
   Eigen::Vector3d w_b;      // rate, rad/s
   Eigen::Vector3d w_dot_b;  // angular acceleration, rad/s^2
   Eigen::Matrix3d C_nb;     // attitude in the middle of the block
   double duration_s = 0.0;
-  int recording = 0;                                    // of several recordings of a unit: which, from 0
+  int recording = 0;                                    // index among several recordings of a unit, from 0
   double time_s = 0.0;                                  // middle of the block, from that recording's first sample
   double since_rotation_s = 0.0;                        // from the end of the last rotation; large before the first
   double temperature_c = 0.0;                           // minus the reference; 0 when not measured
   double temperature_rate_c_per_h = 0.0;                // dT/dt; 0 when not measured
   Eigen::Vector3d table_rad = Eigen::Vector3d::Zero();  // commanded heading, pitch, roll at the end of its segment
-  // Filled by make_effect_model(), from the blocks before: what followed f_b and temperature with the effect's time constant,
-  // both taken as settled at the first sample, and the integral of w_b since then.
+  // Filled by make_effect_model() from the earlier blocks: f_b and temperature lagged by the effect's time constant,
+  // both settled at the first sample, and the integral of w_b since then.
   Eigen::Vector3d turned_rad = Eigen::Vector3d::Zero();
   Eigen::Vector3d lagged_f_b = Eigen::Vector3d::Zero();
   double lagged_temperature_c = 0.0;
 };
 
-// Writes the regressors of all components: column k of gyro (rad/s) and accel (m/s^2) is one unit of component k.
+// The regressors of all components: column k of gyro (rad/s) and accel (m/s^2) is one unit of component k.
 struct EffectRegressors {
   explicit EffectRegressors(int columns = 0) : gyro(3, columns), accel(3, columns) {
     gyro.setZero();
@@ -57,12 +56,12 @@ struct EffectModel {
   double reference_temperature_c = 0.0;
 };
 
-struct Site {  // what regressors need to know of the place
+struct Site {  // what regressors need to know of the site
   double latitude_deg = 0.0;
 };
 
-// What an effect acts on, and what drives it. Of two descriptions of the same thing: an accelerometer's reading that goes with the force
-// is a bias, a gyro's that goes with the rate is a scale factor.
+// What an effect acts on, and what drives it. Equivalent descriptions are written one way: an accelerometer error that
+// depends on force is a bias, a gyro error that depends on rate is a scale factor.
 enum class Sensor { gyro, accelerometer, earth_rate };
 enum class Quantity { bias, scale_factor, direction };
 enum class Driver { time, temperature, turns, angle, force, rate, field, unknown };
@@ -88,13 +87,13 @@ struct EffectEntry {
   std::string_view variant = "tau_s";  // what a variant is called in files, with its unit
   bool of_one_run = false;             // depends on the time since this run began: another run has its own
   bool needs_temperature = false;
-  double share = 1.0;  // how often units have it, beside the other entries
+  double share = 1.0;  // how often units have it, relative to the other entries
 };
 
 const std::vector<EffectEntry>& effect_catalogue();
 const EffectEntry* find_effect(std::string_view name);
-// A magnitude of one component (in its unit) that no sensor has: what would have to be larger to be caught is not seen.
-// A drift is judged by what it adds up to over `duration_s`, where that is less than an hour.
+// Returns a magnitude of one component (in its unit) that no sensor has: an effect detectable only above it counts as
+// not visible. A drift is judged by what it adds up to over `duration_s`, if that is less than an hour.
 double absurd_magnitude(const EffectEntry& entry, double duration_s = 3600.0);
 // Quantities no recording of this kind can show, whatever the sequence.
 std::span<const std::string_view> unobservable_quantities();
@@ -104,12 +103,12 @@ struct EffectColumn {
   const EffectEntry* entry = nullptr;
   int component = 0;
   double tau_s = 0.0;       // 0: the effect has none
-  int recording = -1;       // acts in this one of several only; -1: in all
+  int recording = -1;       // the only one of several in which it acts; -1: in all
   std::string key() const;  // "accel_second_order.x"; of a recording after the first "accel_bias_drift.x_recording_2"
 };
 
-// The whole catalogue as columns (with every variant). Effects that need a temperature are left out when the recording has none; those of
-// one run are there once for each of `recordings`.
+// Returns the whole catalogue as columns, with every variant. Effects that need a temperature are left out if the
+// recording has none; those of one run are there once for each of `recordings`.
 std::vector<EffectColumn> catalogue_columns(const RecordingInfo& info, int recordings = 1);
 EffectModel make_effect_model(const std::vector<EffectColumn>& columns, const Site& site,
                               double reference_temperature_c);

@@ -69,7 +69,7 @@ struct SensorModel {
 SensorModel sensor_model(const Parameters& parameters, const RecordingInfo& info);
 // SI value of one unit of each parameter: rad/s per deg/h, m/s^2 per g, rad per count per unit n, m/s per count per unit a.
 ParameterVector si_per_unit(const RecordingInfo& info);
-// Of one increment of a gyro, by the start values.
+// Returns the nominal angle of one gyro increment, by the start values.
 double nominal_gyro_rad(const RecordingInfo& info);
 
 // The random errors of the sensors as the joint estimator weighs them (names of IEEE 952 and 1293).
