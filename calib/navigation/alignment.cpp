@@ -12,11 +12,11 @@
 namespace turncal {
 namespace {
 
-// What a coarse alignment can be off by; larger than it is, so that the filter finds its own.
+// Sigma of the level after a coarse alignment, larger than its error, so that the filter finds its own.
 constexpr double coarse_level_rad = 0.02;
 constexpr double observed_every_s = 1.0;
 
-// Integral from t1 to t2 of the direction up of a fixed point, in axes that stood along n at t = 0 and do not turn.
+// Returns the integral from t1 to t2 of the up direction of a fixed point, in non-rotating axes that coincide with n at t = 0.
 Eigen::Vector3d up_integral(const Eigen::Vector3d& earth_n, double t1, double t2) {
   const double w = earth_n.norm();
   const Eigen::Vector3d axis = earth_n / w;
@@ -108,7 +108,7 @@ Result<Alignment> align(std::span<const MotionInterval> window, const DriftCovar
 std::array<double, 3> angle_sigmas(const Eigen::Matrix3d& of_phi, const Eigen::Quaterniond& q_nb) {
   const Eigen::Matrix3d C_nb = q_nb.toRotationMatrix();
   const Eigen::Vector3d x = C_nb.col(0);
-  constexpr double least_level = 1e-12;  // where x points up or down to rounding, north as good as any direction
+  constexpr double least_level = 1e-12;  // x vertical to rounding: any direction serves as north
   const double level = std::hypot(x[0], x[2]);
   const double north = level > least_level ? x[0] / level : 1.0, east = level > least_level ? x[2] / level : 0.0;
   const double slope = x[1] / std::max(level, least_level);

@@ -7,7 +7,7 @@
 // At rest during T the heading's sigma from angle random walk N alone is N / (W cos L sqrt(T)): 0.030 deg at 30 deg of latitude, 300 s and
 // 0.002 deg/sqrt(h). Velocity noise and what the calibration left add to it.
 //
-// The unit's distance from the centre of rotation is neglected (10 deg/s with an arm of 10 cm are 17 mm/s): velocity is observed at rest only.
+// The unit's distance from the centre of rotation is neglected (10 deg/s at an arm of 10 cm are 17 mm/s): velocity is observed at rest only.
 // Errors: fewer than min_rest_s seconds at rest in the window; above max_navigation_latitude_deg, where no gyro tells north.
 #pragma once
 
@@ -28,10 +28,10 @@ Status check_navigation_latitude(double latitude_deg);
 // C_nb at the start of `window`. REQUIRES: intervals that last at least a second together.
 Eigen::Quaterniond coarse_alignment(std::span<const MotionInterval> window, const DriftCovariance::Site& site);
 
-// What is taken for known before the first observation of a fine alignment.
+// The prior of a fine alignment, before its first observation.
 inline constexpr double coarse_heading_rad = 0.2;
 void begin_alignment(DriftCovariance& drift);
-// Heading's sigma from the observations alone: gyros that hardly tell north seem to know as much as was taken for known.
+// Returns the heading's sigma from the observations alone. Gyros that hardly observe north leave the prior's.
 double heading_sigma_of_data(double sigma_rad);
 
 struct Alignment {
@@ -39,24 +39,24 @@ struct Alignment {
   DriftCovariance drift;  // begun, with what alignment left
   double rest_s = 0.0;    // of the window
 };
-// `drift` as constructed; the alignment begins it.
+// `drift`: as constructed; the alignment begins it.
 Result<Alignment> align(std::span<const MotionInterval> window, const DriftCovariance::Site& site,
                         DriftCovariance drift);
 
-// Standard deviations of heading, roll and pitch, rad, of an attitude error phi in n (its covariance). Heading is where x points: near the
-// vertical phi's level parts go into it with tan(pitch), up to what is known of any heading, 2 pi / sqrt(12), which is all at the vertical.
+// Returns the standard deviations of heading, roll and pitch, rad, for the covariance of an attitude error phi in n. Heading is where x points: near
+// the vertical phi's level parts enter it with tan(pitch), up to the sigma of any heading, 2 pi / sqrt(12), reached at the vertical.
 std::array<double, 3> angle_sigmas(const Eigen::Matrix3d& of_phi, const Eigen::Quaterniond& q_nb);
 
-// Where on the Earth the unit turns as it does at rest: the rate about the vertical is W sin L. Says nothing of east or west; what a wrong
-// latitude of the recording, or a wrong gyro bias up, shows in. And what it weighs there: the mean size of the specific force.
+// The latitude and the gravity that the unit's rests imply. Its rate about the vertical is W sin L, which tells nothing of east or west; a
+// wrong latitude of the recording shows in it, or a wrong vertical gyro bias. Gravity is the mean size of the specific force.
 //   sigma: angle random walk over the seconds at rest, and the gyro biases' covariance.
-struct FeltSite : FeltLatitude {  // sigma is infinite where nothing rests
-  double gravity_mps2 = 0.0;      // 0 where nothing rests
-  // The calibration may be of another day.
+struct FeltSite : FeltLatitude {  // sigma is infinite without a rest
+  double gravity_mps2 = 0.0;      // 0 without a rest
+  // The wider limit: the calibration may be of another day.
   bool speaks_against(double of_record_rad) const {
     return FeltLatitude::speaks_against(of_record_rad, latitude_limits.least_of_another_day_deg);
   }
-  // Further from `gravity_mps2` than 0.01 m/s^2, a milligee: a calibration takes its scale from the site's gravity.
+  // Is it further from `gravity_mps2` than 0.01 m/s^2, a milligee? A calibration takes its scale from the site's gravity.
   bool weighs_against(double gravity_mps2) const;
 };
 FeltSite felt_site(std::span<const MotionInterval> intervals, const NoiseModel& noise,

@@ -19,7 +19,7 @@ Eigen::Matrix<double, 2, 3> horizontal(const Eigen::Matrix3d& m) {
   return rows;
 }
 
-// lazyProduct: for matrices of this size a call of the general product costs more than it does.
+// lazyProduct: for matrices of this size the call of the general product costs more than the product.
 template <class Square, class Matrix>
 Matrix propagated(const Square& F, double t, const Matrix& x) {
   const Matrix first = t * F.lazyProduct(x);
@@ -84,7 +84,7 @@ void DriftCovariance::advance(const Eigen::Matrix3d& C_nb, const MotionInterval&
   pending_C_ += T * C_nb;
   pending_gyro_ += T * C_nb * noise_.angle_random_walk.cwiseAbs2().asDiagonal() * C_nb.transpose();
   pending_accel_ += T * C_nb * noise_.velocity_random_walk.cwiseAbs2().asDiagonal() * C_nb.transpose();
-  if (interval.missing > 0) {  // as the mean of its neighbours: what counting left of it is not known
+  if (interval.missing > 0) {  // filled in: the remainder of their counts is unknown
     const double squares = double(interval.missing) * interval.missing / 12.0;
     pending_gyro_.diagonal().array() += squares * noise_.gyro_pulse_rad * noise_.gyro_pulse_rad;
     pending_accel_.diagonal().array() += squares * noise_.accel_pulse_mps * noise_.accel_pulse_mps;
@@ -118,7 +118,7 @@ void DriftCovariance::settle() {
   P_.block<3, 3>(phi, phi) += pending_gyro_;
   const Eigen::Matrix<double, 2, 3> rows = horizontal(pending_accel_);
   P_.block<2, 2>(dv, dv) += (Eigen::Matrix2d() << rows.col(0), rows.col(2)).finished();
-  // Of a Gauss-Markov process that goes on being stationary.
+  // The noise that keeps a Gauss-Markov process stationary.
   const double gained = 2.0 * pending_s_ / noise_.bias_correlation_s;
   P_.diagonal().segment<3>(gyro_bias).array() += gained * std::pow(noise_.gyro_bias_instability_radps, 2);
   P_.diagonal().segment<3>(accel_bias).array() += gained * std::pow(noise_.accel_bias_instability_mps2, 2);
@@ -130,7 +130,7 @@ void DriftCovariance::settle() {
 
 DriftVector DriftCovariance::observe_rest(const Eigen::Vector2d& velocity_mps) {
   settle();
-  // One pulse of quantisation; without counts what rounding leaves.
+  // One pulse of quantisation; without counts, rounding.
   constexpr double least_mps = 1e-6;
   const double r = std::max(least_mps * least_mps, noise_.accel_pulse_mps * noise_.accel_pulse_mps / 12.0);
   const Eigen::Matrix<double, drift_states, 2> PH = P_.middleCols<2>(dv);

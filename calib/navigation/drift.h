@@ -1,4 +1,4 @@
-// How the error of a free inertial navigation grows: from sensor noise, and from what the calibration left in the parameters.
+// How the error of a free inertial navigation grows: from sensor noise, and from the parameter errors that the calibration left.
 //
 // Error state (phi: C_computed = (I - [phi x]) C_true, as in docs/estimator.md; north, up, east):
 //   x = [phi (3, rad), dv_N, dv_E (m/s), dr_N, dr_E (m), bias instability of gyros (3, rad/s) and accelerometers (3, m/s^2)]
@@ -6,11 +6,11 @@
 //   dv_N' = g phi_E + (C df_b)_N,  dv_E' = -g phi_N + (C df_b)_E,  dr' = dv
 // (Titterton and Weston (2004), 12.3, at low speed; the vertical channel is shut.) dw_b = dn counts - dN0, df_b = da counts - dA0.
 //
-// Each of the 24 parameters has a sensitivity column dx/dp that goes through the same equations and, while aligning, through
-// the same gains (Schmidt's consider form): a gyro bias that alignment hides as heading error shows as what is left of it.
+// Each of the 24 parameters has a sensitivity column dx/dp that goes through the same equations and, while aligning, through the
+// same gains (Schmidt's consider form): of a gyro bias that alignment absorbs as heading error only the remainder shows.
 //   covariance = P(noise) + S cov(parameters) S'
 //
-// n samples that were filled in add n q / sqrt(12) of counting in pulses q to attitude and velocity, so that many single ones show.
+// n samples filled in within an interval add n q / sqrt(12) to attitude and velocity, q the pulse, so that many single gaps show.
 //
 // Units: parameters in file units (parameters.h), the rest SI. Not modelled: effects beyond the 24, rate random walk, gravity,
 // lever arms.
@@ -31,7 +31,7 @@ using DriftMatrix = Eigen::Matrix<double, drift_states, drift_states>;
 using DriftSensitivity = Eigen::Matrix<double, drift_states, parameter_count>;
 using ParameterCovariance = Eigen::Matrix<double, parameter_count, parameter_count>;
 
-// How counts are found back from calibrated increments: counts = n^-1 (dtheta + N0 T), with everything in SI and file units.
+// Recovers counts from calibrated increments: counts = n^-1 (dtheta + N0 T), with everything in SI and file units.
 struct CountsModel {
   Eigen::Matrix3d counts_of_gyro;   // counts a rad
   Eigen::Matrix3d counts_of_accel;  // counts a m/s
@@ -48,19 +48,19 @@ class DriftCovariance {
     double latitude_rad = 0.0;
     double gravity_mps2 = 0.0;
   };
-  // `counts`: without it there are no sensitivities.
+  // `counts`: none: no sensitivities.
   DriftCovariance(const Site& site, const NoiseModel& noise, const std::optional<CountsModel>& counts);
 
-  // Before alignment: attitude known to so much (level, heading, rad), velocity to a pulse, position exactly.
+  // Before alignment: attitude known to these sigmas (level, heading, rad), velocity to a pulse, position exactly.
   void begin(double level_rad, double heading_rad);
-  // Over one interval; `C_nb` in its middle.
+  // Propagates over one interval; `C_nb` in its middle.
   void advance(const Eigen::Matrix3d& C_nb, const MotionInterval& interval);
 
-  // What an observation of zero horizontal velocity corrects: `velocity` is that of the computation, north and east. The
-  // state's expected error, to be taken off; its covariance and sensitivities go through the gain.
+  // Observes a horizontal velocity of zero; `velocity`: the computed one, north and east. Returns the estimated error
+  // of the state, to be subtracted, and updates covariance and sensitivities.
   DriftVector observe_rest(const Eigen::Vector2d& velocity_mps);
 
-  // The position is known from here on; what is known of attitude and velocity stays.
+  // Sets the position as known; attitude and velocity keep their covariance.
   void begin_navigation();
 
   const DriftMatrix& noise_covariance() const { return P_; }
@@ -70,17 +70,17 @@ class DriftCovariance {
   }
 
  private:
-  void settle();  // up to now
+  void settle();  // propagates up to now
 
   NoiseModel noise_;
   std::optional<CountsModel> counts_;
   DriftMatrix F_;
   DriftMatrix P_ = DriftMatrix::Zero();
   DriftSensitivity S_ = DriftSensitivity::Zero();
-  // P and S go on a second at a time.
+  // P and S are propagated a second at a time.
   double pending_s_ = 0.0;
   Eigen::Matrix3d pending_C_ = Eigen::Matrix3d::Zero();  // time integral of C_nb
-  // Of C counts': what a unit of n by rows turns the attitude by, of a changes the velocity by, n frame.
+  // Sums of C counts': rotation by one unit of n (by rows), change of velocity by one unit of a, n frame.
   Eigen::Matrix<double, 3, 9> pending_turns_ = Eigen::Matrix<double, 3, 9>::Zero(), pending_pushes_ = pending_turns_;
   Eigen::Matrix3d pending_gyro_ = Eigen::Matrix3d::Zero();  // of C diag(noise^2) C'
   Eigen::Matrix3d pending_accel_ = Eigen::Matrix3d::Zero();

@@ -21,7 +21,7 @@ Eigen::Vector3d attitude_sigma(const DriftMatrix& covariance) {
 
 Eigen::Matrix2d position_block(const DriftMatrix& covariance) { return covariance.block<2, 2>(5, 5); }
 
-// What a unit reads at rest over one interval.
+// Returns what a unit reads at rest over one interval.
 MotionInterval resting(const Eigen::Matrix3d& C_nb, const DriftCovariance::Site& site, double seconds) {
   MotionInterval interval;
   interval.duration_s = seconds;
@@ -47,7 +47,7 @@ Result<FreeNavigation> navigate_freely(std::span<const MotionInterval> stretch, 
   if (stretch.size() <= align_intervals)
     return input_error("alignment: the stretch has {} s, expected more than the {} s of the alignment",
                        std::lround(time.now_s()), std::lround(setup.align_s));
-  // Where it should be by now.
+  // The true position now.
   const auto truth = [&] {
     if (setup.reference == nullptr) return ReferencePoint{.latitude_rad = setup.site.latitude_rad};
     return setup.reference->at(setup.start_s + time.now_s());

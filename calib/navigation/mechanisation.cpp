@@ -43,7 +43,7 @@ bool FeltLatitude::speaks_against(double of_record_rad, double least_deg) const 
   return std::abs(latitude_rad - of_record_rad) > std::max(least_deg * rad_per_deg, latitude_limits.sigmas * sigma_rad);
 }
 
-// What is called rest and turns faster is none: half a degree a second, far beyond the Earth and any bias that a calibration left.
+// A nominal rest that turns faster is none: half a degree a second, far above the Earth's rate and any bias that a calibration leaves.
 constexpr double most_at_rest_radps = 0.0087;
 
 Eigen::Quaterniond quaternion_of(const Eigen::Vector3d& rotation_rad) {
@@ -150,7 +150,7 @@ void Navigator::set_position(double latitude_rad, double longitude_rad, double h
 
 AttitudeAngles angles_of(const Eigen::Quaterniond& q_nb) {
   const Eigen::Matrix3d C = q_nb.toRotationMatrix();
-  // First column: the front axis in n; the up row: how the unit is rolled about it.
+  // First column: the front axis in n. Up row: the roll about it.
   AttitudeAngles angles;
   angles.heading_rad = std::atan2(C(2, 0), C(0, 0));
   if (angles.heading_rad < 0.0) angles.heading_rad += 2.0 * pi;

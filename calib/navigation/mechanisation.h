@@ -10,7 +10,7 @@
 //
 // Gravity is the site's where navigation begins and follows WGS-84 from there (the calibration knows the accelerometers in
 // units of the site's gravity, so that nothing else would be consistent).
-// The vertical channel of pure inertial navigation runs away within minutes; with hold_height it is shut: v_U = 0, or as given.
+// The vertical channel of pure inertial navigation diverges within minutes; hold_height shuts it: v_U = 0, or as given.
 #pragma once
 
 #include <cstdint>
@@ -42,22 +42,22 @@ struct RadiiOfCurvature {
 };
 RadiiOfCurvature radii_of_curvature(double latitude_rad);
 
-// What turns the navigation frame: Earth rate and transport rate at one place and velocity, rad/s in n.
+// Rates of the navigation frame: Earth rate and transport rate at one place and velocity, rad/s in n.
 struct FrameRates {
   Eigen::Vector3d earth;
   Eigen::Vector3d transport;
 };
 FrameRates frame_rates(double latitude_rad, double height_m, const Eigen::Vector3d& velocity_n_mps);
 
-// The latitude at which the earth turns as gyros feel it: from a fit (felt_latitude.h), or from calibrated rests alone (alignment.h).
+// The latitude implied by the Earth's rate that the gyros measure: from a fit (felt_latitude.h), or from calibrated rests alone (alignment.h).
 struct FeltLatitude {
   double latitude_rad = 0.0;
   double sigma_rad = 0.0;
-  // By more than its error (LatitudeLimits::sigmas) and by more than `least_deg`.
+  // Does it differ by more than its error (LatitudeLimits::sigmas) and by more than `least_deg`?
   bool speaks_against(double of_record_rad, double least_deg) const;
 };
 
-// Calibrated increments into intervals of motion: coning and sculling, sample by sample, before anybody knows the attitude.
+// Calibrated increments into intervals of motion: coning and sculling, sample by sample, for any attitude.
 //
 // Source: Savage, "Strapdown Inertial Navigation Integration Algorithm Design", J. Guidance 21 (1998), part 1 eq. 33-39 and
 // part 2 eq. 33-41, the two-sample form with the increment before; Titterton and Weston (2004), 11.2.3 and 11.3.3. With
@@ -69,20 +69,20 @@ struct FeltLatitude {
 // An interval holds the product of the rotations and the sum of the velocities, in the axes at the interval's start. It does
 // not depend on where navigation began: every branch uses the same intervals.
 //
-// Samples that were lost, or marked as bad, count as the mean of their neighbours. That is good for one or two at rest; more lose what
-// the unit did meanwhile, and MotionInterval::missing says so.
-// Errors: of a coning motion of frequency w the share (w dt)^4 / 30 of its rate is left.
+// Lost or bad samples count as the mean of their neighbours. That is good for one or two at rest; more lose the motion
+// of the unit, and MotionInterval::missing says so.
+// Errors: coning motion at frequency w leaves a share (w dt)^4 / 30 of its rate.
 struct MotionInterval {
   Eigen::Quaterniond turn = Eigen::Quaterniond::Identity();  // from body axes at the end to those at the start
   Eigen::Vector3d push_mps = Eigen::Vector3d::Zero();        // integral of specific force, body axes at the start
   Eigen::Vector3d gyro_rad = Eigen::Vector3d::Zero();        // plain sums of the increments, for sensitivities
   Eigen::Vector3d accel_mps = Eigen::Vector3d::Zero();
   double duration_s = 0.0;
-  bool at_rest = false;  // all of it, and it turns by less than 0.5 deg/s
-  int missing = 0;       // samples that were filled in
+  bool at_rest = false;  // all of it, and turning by less than 0.5 deg/s
+  int missing = 0;       // filled-in samples
 };
 
-// The sum of durations: of those that are alike it is their number times one, and rounding does not add up.
+// A sum of durations. Equal ones are counted and multiplied, so that rounding does not add up.
 struct Elapsed {
   double begin_s = 0.0, each_s = 0.0;
   std::int64_t count = 0;
@@ -93,7 +93,7 @@ struct Elapsed {
   }
 };
 
-// Rotation vector into quaternion, by series below 0.1 rad (next term 1e-13 of the angle).
+// Returns the quaternion of a rotation vector, by series below 0.1 rad (next term 1e-13 of the angle).
 Eigen::Quaterniond quaternion_of(const Eigen::Vector3d& rotation_rad);
 
 class IncrementIntegrator {
@@ -101,16 +101,16 @@ class IncrementIntegrator {
   IncrementIntegrator(double sample_period_s, int samples_per_interval)
       : period_s_(sample_period_s), samples_(samples_per_interval) {}
 
-  // Room for so many samples, so that add() does not allocate.
+  // Reserves room for this many samples, so that add() does not allocate.
   void reserve(std::int64_t samples);
 
-  // Calibrated increments, rad and m/s, of the sample that ends at `counter`. Counters not above the last one are dropped; a
-  // bad sample is not handed over, and shows as a gap. `gap_at_rest`: whether what is filled in before it counts as rest, too.
+  // Adds calibrated increments, rad and m/s, of the sample that ends at `counter`. Counters not above the last one are dropped. A
+  // bad sample is left out by the caller, and shows as a gap. `gap_at_rest`: samples filled in before this one may count as rest.
   void add(std::int64_t counter, const Eigen::Vector3d& gyro_rad, const Eigen::Vector3d& accel_mps, bool at_rest,
            bool gap_at_rest = true);
 
   int samples_per_interval() const { return samples_; }
-  // What is whole so far. The rest, shorter than an interval, is never given.
+  // Returns the intervals completed so far. A remainder shorter than an interval is never returned.
   const std::vector<MotionInterval>& intervals() const { return intervals_; }
 
  private:
@@ -143,12 +143,12 @@ class Navigator {
   void advance(const MotionInterval& interval);
   const NavigationState& state() const { return state_; }
 
-  // With hold_height: how fast it rises from here on.
+  // Sets the climb rate from here on, with hold_height.
   void set_climb(double up_mps) { climb_mps_ = up_mps; }
 
-  // Estimated errors taken off: C_true = Exp(phi) C, v_true = v - dv (phi, dv as in drift.h).
+  // Removes estimated errors: C_true = Exp(phi) C, v_true = v - dv (phi, dv as in drift.h).
   void correct(const Eigen::Vector3d& phi_rad, const Eigen::Vector3d& dv_mps);
-  // Back to a place known, with the velocity left as it is.
+  // Returns to a known place; the velocity stays.
   void set_position(double latitude_rad, double longitude_rad, double height_m);
 
  private:

@@ -25,8 +25,8 @@ void summarise(NorthPosition& position) {
   }
 }
 
-// Of a mean heading less the table's. Noise: that of the mean and of the zero. Calibration: an error that is the unit's own goes around
-// with it, so that over the quarters of the circle the square of what is left after the zero is twice that of a single alignment.
+// Returns the variance of a mean heading less the table's. Noise: of the mean and of the zero. Calibration: an error fixed in the
+// unit turns with it, so over the quarters of the circle the square left after the zero is twice that of a single alignment.
 double mean_variance(const NorthPosition& position, std::size_t searches) {
   double noise = 0.0, calibration = 0.0;
   for (const NorthReading& reading : position.readings) {
@@ -53,7 +53,7 @@ Spread spread_of(std::span<const double> values) {
 
 NorthSeeking seek_north(std::span<const NorthReading> searches, std::span<const NorthReading> readings) {
   NorthSeeking result;
-  // About the first search, so that 359.99 and 0.01 have the mean 0.
+  // Averages about the first search, so that 359.99 and 0.01 have the mean 0.
   double sum = 0.0;
   const double first = searches.front().angle_deg[0] - searches.front().table_deg;
   for (const NorthReading& search : searches) sum += near(search.angle_deg[0] - search.table_deg, first);
@@ -90,7 +90,7 @@ NorthSeeking seek_north(std::span<const NorthReading> searches, std::span<const 
 
 double false_fail_probability(const NorthSeeking& found, double heading_limit_deg, double level_limit_deg) {
   double passes = 1.0;
-  // Sum of squares of the means: independent parts of noise a each, and that of the zero, z, in all of them.
+  // Sum of squares of the means: each has its own noise, and all share that of the zero.
   double trace = 0.0, of_squares = 0.0, zero = 0.0;
   for (const NorthPosition& position : found.positions) {
     const auto n = double(position.readings.size());

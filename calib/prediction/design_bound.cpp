@@ -15,8 +15,8 @@ namespace {
 
 constexpr int unknowns = 21, rows_each = 17;
 constexpr int nodes = 40;  // of the integrals over a turn
-// What is said of the attitude error, as parts: of the levelling error of the pose, and of the turn of the gyros' axes against the
-// accelerometers', which goes with the body. Any parts give a bound; the best of these is taken.
+// The disclosed attitude error, in parts: of the levelling error of the pose, and of the rotation of the gyros' axes
+// against the accelerometers', which is fixed in the body. Any parts give a bound; the best of these is taken.
 struct Policy {
   double levelled = 0.35, carried = 0.6;
 };
@@ -25,7 +25,7 @@ constexpr int first_rounds = 3, last_rounds = 12;
 using Row = Eigen::Matrix<double, 1, unknowns>;
 using SquareMatrix = Eigen::Matrix<double, unknowns, unknowns>;
 
-// Rates of information of all turns and rests: rows whose outer products sum up to it, each divided by the root of the time.
+// Rates of information of all turns and rests: rows, each divided by the root of the time, whose outer products sum up to it.
 class Candidates {
  public:
   Candidates(const BoundTask& task, const ParameterVector& scale, const Policy& policy)
@@ -39,7 +39,7 @@ class Candidates {
     rows_.resize((rows_each * most), unknowns);
     heading_.resize(most, unknowns);
     const double half_s = 0.5 * task.least_rest_s;
-    // Level table, so the heading of a pose changes nothing but the Earth's rate.
+    // The table is level, so the heading of a pose changes nothing but the Earth's rate.
     AxisTriple at;
     at[Axis::heading] = task.poses_deg[0].front();
     for (const double pitch : task.poses_deg[1])
@@ -62,15 +62,15 @@ class Candidates {
   }
 
   int count() const { return count_; }
-  // Next to nothing, of each parameter: what the candidates tell of it in the mean, times 1e-7.
+  // Returns a negligible information on each parameter: 1e-7 of the candidates' mean.
   const Eigen::VectorXd& little() const { return little_; }
   auto rows(int k) const { return rows_.middleRows<rows_each>(rows_each * k); }
-  // <G, m> of each for G = L L'.
+  // Returns <G, m> of each candidate for G = L L'.
   Eigen::VectorXd values(const SquareMatrix& L) const {
     const Eigen::VectorXd squares = (rows_.topRows(rows_each * count_) * L).rowwise().squaredNorm();
     return squares.reshaped(rows_each, count_).colwise().sum().transpose();
   }
-  // What the free heading can add to <G, M> in the whole time: it goes by at most h t, the Earth's rate turns it into tilt.
+  // Returns what the free heading can add to <G, M> in the whole time: it drifts by at most h t, and the Earth's rate turns it into tilt.
   double of_heading(const SquareMatrix& L) const {
     const double h_square = (heading_.topRows(count_) * L).rowwise().squaredNorm().maxCoeff();
     const double earth = earth_rate_radps * std::cos(task_.info.latitude_deg * rad_per_deg);
@@ -82,7 +82,7 @@ class Candidates {
     return (si.cwiseProduct(scale_.transpose()))(free_parameters());
   }
   using Rows24 = Eigen::Matrix<double, 3, parameter_count>;
-  // C delta omega and C delta f, n frame, by the parameters in SI.
+  // C delta omega and C delta f, n frame: derivatives by the parameters in SI.
   static Rows24 turned_wrong(const Eigen::Matrix3d& C, const Eigen::Vector3d& rate_b) {
     Rows24 rows = Rows24::Zero();
     rows.leftCols<3>() = -C;
@@ -105,7 +105,7 @@ class Candidates {
     rows.row(2) = -task_.info.gravity_mps2 * psi.row(0);
     return rows;
   }
-  // The attitude error that is said: the part said_ of what makes the levelled velocity stand still.
+  // Returns the disclosed attitude error: the policy's parts of the error that holds the levelled velocity at zero, and of the triads' rotation.
   Rows24 said(const Eigen::Matrix3d& C) const {
     const Rows24 push = pushed_wrong(C);
     Rows24 psi = Rows24::Zero();
@@ -120,14 +120,14 @@ class Candidates {
     }
     return psi;
   }
-  // The next row of a candidate that takes t seconds.
+  // Adds the next row of a candidate.
   void put(const Rows24& rows, int axis, double weight) { rows_.row(at_row_++) = weight * in_aims(rows.row(axis)); }
   void done(const Row& heading) {
     heading_.row(count_++) = heading;
     while (at_row_ < rows_each * count_) rows_.row(at_row_++).setZero();
   }
 
-  // At rest for t seconds: what makes the attitude error go evenly by y, to be `off` in the mean from what is said.
+  // Adds a rest of t seconds: the inputs that move the attitude error evenly by y, and hold it `off` in the mean from the disclosed one.
   void put_rest(const Eigen::Matrix3d& C, const Rows24& y, const Rows24& off, double t, double per_root_s) {
     const Rows24 wrong = turned_wrong(C, Eigen::Vector3d::Zero()) + y / t;
     const Rows24 push = pushed_wrong(C) + tilted(said(C) + off);
@@ -141,7 +141,7 @@ class Candidates {
     done(in_aims(turned_wrong(C, Eigen::Vector3d::Zero()).row(1)));
   }
 
-  // Half a rest, the turn, half a rest; of two turns with a rest between them, which have none, each its own side of it.
+  // Adds half a rest, the turn, half a rest. Of two turns with no rest between them each has only the half on its outer side.
   void add_turn(const AxisTriple& at, Axis axis, double turn_deg, double rate_degps, double before_s, double after_s) {
     const double moving_s = trapezoid_duration_s(turn_deg, rate_degps, task_.acceleration_degps2);
     const double t = moving_s + task_.settle_s;
@@ -150,7 +150,7 @@ class Candidates {
     const Eigen::Matrix3d C = attitude_at(at);
     const Eigen::Vector3d u = axis_b(axis, at);
     const auto after = [&](double angle_rad) { return Eigen::Matrix3d(C * Eigen::AngleAxisd(angle_rad, u)); };
-    std::array<Rows24, nodes> until;  // integral of C delta omega to the middle of each interval
+    std::array<Rows24, nodes> until;  // integral of C delta omega up to mid-interval
     Rows24 felt = Rows24::Zero(), v = Rows24::Zero();
     double angle_rad = 0.0;
     for (std::size_t k = 0; k < nodes; ++k) {
@@ -166,7 +166,7 @@ class Candidates {
     const Eigen::Matrix3d C_after = after(angle_rad);
     const Rows24 first = said(C);
     const Rows24 psi = said(C_after) - first + felt;
-    // Each half rest takes the part that costs the noise least.
+    // Each half rest takes the part that costs least in noise.
     const double rest_s = std::max(before_s, after_s), sides = (before_s + after_s) / rest_s;
     const double in_turn = 1.0 / (q_ * t), in_rest = 1.0 / (q_ * rest_s) + g * g * rest_s / (3.0 * r_);
     const double part = in_turn / (sides * in_turn + in_rest);
@@ -205,7 +205,7 @@ Gradient gradient_at(const SquareMatrix& M, const Eigen::VectorXd& weight) {
   return {V * weight.cwiseQuotient(V.diagonal()).cwiseSqrt().asDiagonal(), 0.5 * V.diagonal().array().log()};
 }
 
-// The continuous design that is improved, and the greatest bound met on the way.
+// Improves a continuous design, and keeps the greatest bound met on the way.
 class Dual {
  public:
   Dual(const Candidates& candidates, const BoundTask& task) : candidates_(candidates), task_(task) {
@@ -239,7 +239,7 @@ class Dual {
  private:
   static constexpr int steps = 40, added = 40;
 
-  // The largest is at least any weighted mean: more weight to what is large.
+  // The largest is at least any weighted mean, so weight goes to what is large.
   void weigh(const Eigen::VectorXd& log_sigma) {
     const double mean = weight_.dot(log_sigma);
     weight_ = weight_.array() * (log_sigma.array() - mean).min(2.0).exp();
@@ -249,7 +249,7 @@ class Dual {
     SquareMatrix M = SquareMatrix::Zero();
     for (std::size_t i = 0; i < active_.size(); ++i)
       M += share_[i] * candidates_.rows(active_[i]).transpose() * candidates_.rows(active_[i]);
-    // A turn and the same turn back differ in the sign of what a gyro bias does beside the rest: with both in M, only one is looked at.
+    // A turn and its reverse differ in the sign of a gyro bias's effect beside the rest. With both in M it cancels, so one of them suffices.
     M.topRightCorner(3, unknowns - 3).setZero();
     M.bottomLeftCorner(unknowns - 3, 3).setZero();
     M.diagonal() += candidates_.little();  // any M gives a bound, as long as it can be inverted
@@ -259,7 +259,7 @@ class Dual {
     const double sum = std::accumulate(share_.begin(), share_.end(), 0.0);
     for (double& share : share_) share /= sum;
   }
-  // What says most comes in, what is not used goes.
+  // Takes in the candidates that tell most, and drops those not used.
   void bring_in(const Eigen::VectorXd& values) {
     std::vector<int> order(values.size());
     std::iota(order.begin(), order.end(), 0);

@@ -17,7 +17,7 @@ namespace {
 using Eigen::Matrix3d;
 using Eigen::Vector3d;
 
-// A vector that stands still in n, seen from the body while it turns by theta about u: Exp(-theta u) v.
+// A vector fixed in n, seen from the body while it turns by theta about u: Exp(-theta u) v.
 struct TurningVector {
   Vector3d along, across, third;
   TurningVector(const Vector3d& v_b, const Vector3d& u)
@@ -42,13 +42,13 @@ class Unit {
   }
   CompressedRecording take() { return compressor_.take(); }
 
-  // One sample over which the unit turned by dtheta_b and felt dv_b.
+  // Adds one sample over which the unit turned by dtheta_b and gained dv_b.
   void feel(const Vector3d& dtheta_b, const Vector3d& dv_b) {
     if (filled_ == chunk_.size()) flush();
     chunk_[filled_] = sense(dtheta_b, dv_b);
     stamp(chunk_[filled_++]);
   }
-  // Many samples of the same.
+  // Adds many equal samples.
   void rest(const Vector3d& dtheta_b, const Vector3d& dv_b, std::int64_t samples) {
     flush();
     chunk_.fill(sense(dtheta_b, dv_b));
@@ -107,7 +107,7 @@ double trapezoid_angle_deg(double angle_deg, double rate_degps, double accelerat
   const double duration = trapezoid_duration_s(angle_deg, rate_degps, acceleration_degps2);
   if (t_s <= 0.0) return 0.0;
   if (t_s >= duration) return angle_deg;
-  // The second half is the first one backwards.
+  // The second half mirrors the first.
   const double t = std::min(t_s, duration - t_s);
   const double ramp = std::min(rate_degps / acceleration_degps2, 0.5 * duration);
   const double gone = t < ramp ? 0.5 * acceleration_degps2 * t * t : acceleration_degps2 * ramp * (t - 0.5 * ramp);

@@ -18,7 +18,7 @@ struct Group {
   std::string_view name;
   double tau_s = 0.0;
   std::vector<int> members;  // into the candidates
-  std::vector<int> seen;     // those of which the base leaves something
+  std::vector<int> seen;     // those that the base does not absorb
 };
 std::vector<Group> groups_of(const std::vector<EffectColumn>& columns) {
   std::vector<Group> groups;
@@ -61,7 +61,7 @@ void predict_effects(const JointResult& estimate, const std::vector<EffectColumn
   }
 }
 
-// A prediction estimates no effects: all that is free is of the 24.
+// A prediction estimates no effects: all free columns are of the 24.
 ParameterCovariance covariance_of(const Prediction& prediction) {
   ParameterCovariance covariance = ParameterCovariance::Zero();
   covariance(prediction.free, prediction.free) = prediction.covariance;

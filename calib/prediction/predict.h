@@ -24,7 +24,7 @@ namespace turncal {
 struct PredictOptions {
   NoiseModel noise;                               // its pulses are those of the RecordingInfo, whatever is set
   std::optional<Parameters> unit;                 // default: typical_unit(info)
-  std::optional<TemperatureProfile> temperature;  // without one, effects of temperature are not looked at
+  std::optional<TemperatureProfile> temperature;  // without one, temperature effects are left out
   bool effects = false;
 };
 
@@ -52,14 +52,14 @@ struct Prediction {
 
 Prediction predict(const RecordingInfo& info, const PlannedMotion& motion, const PredictOptions& options);
 
-// Of each of the 24, its sigma when a motion is recorded on in the same run over that by `fit` alone, with its noise; 1 where the fit leaves it open.
+// Returns for each of the 24 its sigma with `motion` recorded on in the same run, over that of `fit` alone, at its noise; 1 where `fit` is open.
 ParameterVector shrunk_by(const PlannedMotion& motion, const JointResult& fit, const RecordingInfo& info);
 
-// start_parameters() with accelerometer biases of a few mg: an accelerometer that reads exactly no pulse at rest
-// would leave its quantisation error standing still for whole dwells, which no real one does.
+// Returns start_parameters() with accelerometer biases of a few mg: an accelerometer that reads exactly no pulse at
+// rest would keep one quantisation error for whole dwells, which no real one does.
 Parameters typical_unit(const RecordingInfo& info);
 
-// What a planned calibration is worth in miles: the free navigation of a unit at rest with the parameters that it would give.
+// The value of a planned calibration in miles: the free navigation of a unit at rest with the parameters that it would give.
 //
 // predict() has the covariance of the parameters; expected_drift() (calib/navigation/free_navigation.h) takes it, with the noise,
 // through an alignment and the free navigation after it. What the calibration does not determine counts as known.

@@ -48,7 +48,7 @@ Separation::Separation(const CompressedRecording& recording, const Diagnosis& di
   const Scores scores =
       eliminate(fit.last.information, fit.last.gradient, fit.free, counted(first, options.candidates.size()));
 
-  // Of every member the time constant and the component that explain the recording best.
+  // For every member, the time constant and the component that explain the recording best.
   std::vector<int> kept = counted(0, first);
   for (const std::string& member : names_) {
     int best = -1;
@@ -98,7 +98,7 @@ std::vector<AliasPair> Separation::pairs(const PlannedMotion* motion, double sam
   std::vector<EffectColumn> all = beside_;
   all.insert(all.end(), columns_.begin(), columns_.end());
   const int first = parameter_count + int(beside_.size());
-  const int own = parameter_count + int(all.size());  // then what the second recording has for itself
+  const int own = parameter_count + int(all.size());  // behind it: columns of the second recording alone
   std::vector<int> place = counted(0, own);
   int size = own;
   for (int k = 0; k < biases && !same_run_; ++k) place[k] = size++;
