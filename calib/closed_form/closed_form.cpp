@@ -56,7 +56,7 @@ constexpr std::array<VerticalSpec, 6> verticals = {{
 
 constexpr double min_dwell_s = 10.0, max_misfit_deg = 5.0;
 
-// What turns a unit at rest by less: earth rate, bias and a few pulses of quantisation.
+// A unit at rest turns by less: Earth rate, bias and a few pulses of quantisation.
 constexpr double rest_rate_radps = 0.02 * rad_per_deg;
 constexpr double rest_angle_rad = 2e-5;
 
@@ -66,7 +66,7 @@ bool turns(const Block& block, const SensorModel& model, double period_s) {
          rest_rate_radps * time_s + rest_angle_rad;
 }
 
-// Samples are missing in block `index` and the unit was turning before or after them.
+// Are samples missing in block `index` while the unit turned, in that block or in the one before?
 bool lost_in_motion(const CompressedRecording& recording, std::size_t index, const SensorModel& model) {
   const Block& block = recording.blocks[index];
   if (block.missing == 0) return false;
@@ -74,7 +74,7 @@ bool lost_in_motion(const CompressedRecording& recording, std::size_t index, con
   return index > 0 && turns(recording.blocks[index - 1], model, recording.info.sample_period_s);
 }
 
-// A block at rest from which samples are missing, as if they had come: everything is even over the block.
+// Returns a block at rest with its missing samples filled in: everything is even over the block.
 Block stretched(const Block& block) {
   Block full = block;
   const double factor = double(block.samples + block.missing) / block.samples;
@@ -220,8 +220,8 @@ Result<Leg> find_leg(const Segments& segments, int step, const LegSpec& spec) {
                      describe(spec.turn_deg), describe(spec.from_deg));
 }
 
-// The specific force along a body axis that stands vertical but for a small tilt: the two others see the tilt, so the
-// axis sees what they leave of g. (With the plain g a table 3 arc-minutes off level spoils a_ii by 0.4 ppm.)
+// Returns the specific force along a body axis that is vertical but for a small tilt: what the two others, which
+// measure the tilt, leave of g. (With plain g a table 3 arc-minutes off level spoils a_ii by 0.4 ppm.)
 double vertical_force(const Eigen::Vector3d& f, int axis, double gravity) {
   const double across2 = f.squaredNorm() - f[axis] * f[axis];
   return std::sqrt(std::max(gravity * gravity - across2, 0.25 * gravity * gravity));

@@ -1,13 +1,12 @@
 // Closed-form calibration: the fourteen steps of Wang (2020), with the formulas of docs/estimator.md.
 //
-// Each step looks at one or two legs with the parameters that the steps before it have
-// corrected, turns the velocity gained in the dwell into the parameter that made it, and corrects that parameter. The
+// Each step evaluates rests, or one or two legs, with the parameters as corrected by the steps before it. It converts
+// the velocity gained in the dwell into the error of the parameter that caused it, and corrects that parameter. The
 // fourteen steps are repeated over the same recording until a whole pass changes nothing: the formulas are first order,
-// and each pass leaves about 1e-2 of what was wrong before.
+// and each pass leaves about 1e-2 of the error before.
 //
-// Where things are is found in the segment list, by step number and commanded angles (initial angles up to whole
-// turns); lengths of alignments and dwells, rates and the times between them are free. Further steps and segments are
-// ignored.
+// Segments are found by step number and commanded angles (initial angles up to whole turns); lengths of alignments and
+// dwells, rates and the times between them are free. Further steps and segments are ignored.
 //
 //   parameter        step  from
 //   a_ii, A0i        1     mean specific force with each axis up and down (y down: the dwell at roll 180 of step 5)
@@ -42,8 +41,8 @@ inline constexpr int closed_form_steps = 14;
 // A leg goes from one static segment (alignment or dwell) of a step to the next one of the same step: levelled by the mean specific force
 // over the first, with the heading commanded there, navigated on the blocks up to the end of the second,
 //   C_nb(t + dt) = Exp(-w_ie dt) C_nb(t) Exp(rotation),   v_n += Exp(-w_ie dt / 2) C_nb(t) velocity - g dt U
-// (n turns with the earth while a block passes: what was gained is seen from a frame half a block on). The navigated velocity is an error
-// of cm/s: no Schuler loop, no Coriolis term. In the dwell the attitude error phi is constant and V = slope * T, slope (+g phi_E, -g phi_N).
+// (n turns with the Earth while a block passes: what was gained is seen from a frame half a block later). The navigated velocity is an error of cm/s:
+// no Schuler loop, no Coriolis term. In the dwell the attitude error phi is constant and V = slope * T, slope (+g phi_E, -g phi_N).
 // Lost samples: at rest the block is stretched to its length, which is exact; in motion the angle is lost, an error. No glitches.
 struct LegMotion {
   Eigen::Vector3d velocity_mps;     // n frame, gained in the dwell: from its first sample to its last
@@ -56,7 +55,7 @@ struct LegMotion {
 };
 
 // What a step measures, and the formula that turns it into parameters, from the error equations of a unit at rest (docs/estimator.md;
-// n = north, up, east; phi the attitude error, C_computed = (I - [phi x]) C; dw_b what the calibrated gyro reads too much):
+// n = north, up, east; phi the attitude error, C_computed = (I - [phi x]) C; dw_b the excess reading of the calibrated gyros):
 //   phi' = -w_ie x phi - C_nb dw_b,     dV_N' = +g phi_E,     dV_E' = -g phi_N
 // The document's formulas are for dwells of one length T; the code takes each leg's own, V/T instead of V.
 struct StepMeasurement {
@@ -74,11 +73,11 @@ struct StepMeasurement {
 // Corrects the parameters that the step determines, by the derived formulas.
 void correct_parameters(const StepMeasurement& measured, Parameters& parameters);
 
-// Where a recording holds what the steps need, by step number and commanded angles. Before anything is computed the data are held against
-// the segment list, so that a wrong list gives one clear line and not wrong parameters.
+// Finds what the steps need in a recording, by step number and commanded angles. The data are checked against the
+// segment list before anything is computed, so that a wrong list gives one clear line and not wrong parameters.
 class ClosedFormLayout {
  public:
-  // In the segment list, and how the table turns on the way: about one axis, given in the body.
+  // Indices into the segment list, and the turn of the table between them: about one axis, given in the body.
   struct Leg {
     std::size_t from = 0, to = 0;
     double turn_deg = 0.0;
@@ -87,10 +86,10 @@ class ClosedFormLayout {
   // The recording must outlive the layout.
   explicit ClosedFormLayout(const CompressedRecording& recording);
 
-  // First of all: site, steps, dwells and legs. After an error nothing else may be called.
+  // Checks the site and finds steps, dwells and legs. Call it first; after an error nothing else may be called.
   Status find();
-  // Every segment and leg that was found: long enough, at rest, the right way up, nothing lost on the way, turned as
-  // commanded. `model` may be as wrong as start_parameters().
+  // Checks every segment and leg that was found: long enough, at rest, the right way up, nothing lost on the way,
+  // turned as commanded. `model` may be as wrong as start_parameters().
   Status check_data(const SensorModel& model) const;
 
   StepMeasurement measure(int step, const SensorModel& model) const;
@@ -101,7 +100,7 @@ class ClosedFormLayout {
 
   const CompressedRecording& recording_;
   const std::vector<std::size_t> first_block_;
-  std::vector<std::size_t> verticals_;  // segments, in the order of closed_form_verticals
+  std::vector<std::size_t> verticals_;  // segments, in the order of `verticals` (closed_form.cpp)
   std::vector<std::vector<Leg>> legs_;  // by step number
 };
 
@@ -118,7 +117,7 @@ struct ClosedFormOptions {
   int max_passes = 10;
   // Converged when a whole pass moves nothing by more than this.
   ParameterDistance tolerance = {1e-6, 1e-9, 1e-9, 1e-9};
-  // Other formulas in its place: how a test shows what the printed ones give.
+  // Formulas in place of these: a test shows what the printed ones give.
   std::function<void(const StepMeasurement&, Parameters&)> correct = correct_parameters;
 };
 
@@ -130,7 +129,7 @@ struct ClosedFormResult {
   std::string message = "not run";
 };
 
-// `start`: those of Wang (start_parameters), or anything nearer. Pure: no state, no I/O.
+// `start`: start_parameters(), or anything nearer. Pure: no state, no I/O.
 Result<ClosedFormResult> closed_form_calibrate(const CompressedRecording& recording, const Parameters& start,
                                                const ClosedFormOptions& options = {});
 

@@ -23,11 +23,11 @@ constexpr Index terms = thermal_smooth - 1, smooth_count = thermal_columns - the
 using Columns = Eigen::Matrix<double, 1, thermal_columns>;
 using BlockVector = Eigen::Matrix<double, thermal_columns, 1>;
 
-// Numerical floors. Prior variance of what no model has, in a leg's variance; log of the weight beside the best model below which a branch is
-// not followed; pivot of a correlation matrix below which it is singular.
+// Numerical floors: prior variance of an absent term, in a leg's variance; log weight relative to the best model at
+// which a branch is dropped; pivot of a correlation matrix below which it is singular.
 constexpr double least_variance = 1e-6, branch_floor = -12.0, least_pivot = 1e-10;
 
-// The functions of temperature in t, -1 to 1 over the range: Legendre polynomials, and what spans the Gaussian process beside them.
+// The functions of temperature in t, -1 to 1 over the range: Legendre polynomials, and a basis of the Gaussian process beside them.
 class Functions {
  public:
   Functions(double low_c, double high_c) : mid_(0.5 * (low_c + high_c)), half_(0.5 * (high_c - low_c)) {
@@ -37,7 +37,7 @@ class Functions {
     const MatrixXd to_cubic = solve_symmetric(P.transpose() * P, MatrixXd(P.transpose()));
     const MatrixXd beside = MatrixXd::Identity(nodes, nodes) - P * to_cubic;
     const SymmetricEigen eigen = symmetric_eigen(beside * K * beside);
-    // Of unit variance in the mean over the range.
+    // Scaled to unit variance, in the mean over the range.
     const double scale = std::sqrt(nodes / eigen.values.tail<smooth_count>().sum());
     for (Index a = 0; a < smooth_count; ++a)
       to_smooth_.col(a) = beside * eigen.vectors.col(nodes - 1 - a) * (scale / std::sqrt(eigen.values[nodes - 1 - a]));
@@ -50,7 +50,7 @@ class Functions {
     row.tail<smooth_count>() = kernel(t).transpose() * to_smooth_ - row.head<4>() * cubic_of_smooth_;
     return row;
   }
-  // Powers of T - reference from Legendre's: the value is the same.
+  // Returns the map of coefficients from Legendre polynomials to powers of T - reference.
   MatrixXd to_powers(double reference_c) const {
     const double s = 1.0 / half_, o = (reference_c - mid_) / half_;  // t = o + s x
     MatrixXd B = MatrixXd::Identity(thermal_columns, thermal_columns);
@@ -75,11 +75,11 @@ class Functions {
 
 bool is_bias(int key) { return key < 6; }
 
-// All that is the same for every fit of these legs and of parts of them. Values in the sigma of a leg, about `centre`.
+// What all fits of these legs, and of parts of them, share. Values in the sigma of a leg, about `centre`.
 struct Setting {
   explicit Setting(double low_c, double high_c) : functions(low_c, high_c) {}
   Functions functions;
-  double rate_unit = 0.0;  // C/h: the largest of all legs; infinite where all have one
+  double rate_unit = 0.0;  // C/h: the largest of all legs; infinite if they have the same
   std::vector<int> keys;
   ParameterVector scale = ParameterVector::Ones(), centre = ParameterVector::Zero();
 };
@@ -92,7 +92,7 @@ struct LegData {
   VectorXd y;
 };
 
-// What models may hold, given the legs.
+// What models may hold, as far as the legs allow.
 struct Allowed {
   int temperatures = 0, order = 0;
   bool smooth = false, rate = false, hysteresis = false;
@@ -128,13 +128,13 @@ Allowed allowed_by(const std::vector<LegData>& legs, std::size_t keys) {
 
 // ---- models of one parameter ----
 
-// About orders 1 to 3, rate, hysteresis, loop: Q and s of the evidence, everything else taken in.
+// Q and s of the evidence for orders 1 to 3, rate, hysteresis, loop; everything else is eliminated.
 struct System {
   Eigen::Matrix<double, terms, terms> Q;
   Eigen::Matrix<double, terms, 1> s;
 };
 
-// By what half the chi-square falls with this column and its prior precision.
+// Adds a column with its prior precision. Returns half the fall of chi-square.
 double take_in(System& system, int c, double precision) {
   const Eigen::Matrix<double, terms, 1> column = system.Q.col(c);
   const double k = 1.0 / (column[c] + precision), s = system.s[c];
@@ -143,14 +143,14 @@ double take_in(System& system, int c, double precision) {
   return 0.5 * k * s * s;
 }
 
-// Precision and vector of some unknowns, and the logarithm of their evidence.
+// Precision and vector of some unknowns, and their log evidence.
 struct Weighed {
   MatrixXd P;
   VectorXd q;
   double log_weight = 0.0;
 };
 
-// The last `count` unknowns, of this prior variance each, integrated over.
+// Integrates over the last `count` unknowns, each of this prior variance.
 Weighed without_last(const Weighed& all, Index count, double variance) {
   const Index n = all.P.rows() - count;
   MatrixXd inner = all.P.bottomRightCorner(count, count);
@@ -168,10 +168,10 @@ struct Leaf {
   double weight = 0.0;                   // logarithm, then probability
   std::array<double, terms> variance{};  // 0: not in the model
   double smooth = 0.0;
-  int order = 0, effects = 0, switch_on = 0;  // the last of the grid
+  int order = 0, effects = 0, switch_on = 0;  // switch_on: index into its grid
 };
 
-// What the legs and the other parameters say of one: precision and vector of its coefficients, and then of its switch-ons.
+// What the legs and the other parameters tell of one: precision and vector of its coefficients, then of its switch-ons.
 struct Cavity : Weighed {
   double spread = 0.0;  // of the legs' values
 };
@@ -185,7 +185,7 @@ struct Average {
   double smooth = 0.0, rate = 0.0, hysteresis = 0.0;
 };
 
-// Prior variances of what is known to `own`.
+// Returns the grid of prior variances of an unknown with sigma `own`.
 std::vector<double> sizes(double own, double largest) {
   std::vector<double> grid;
   double size = thermal_priors.smallest * own;
@@ -225,7 +225,7 @@ void Search::at_switch_on(int index) {
   coefficients_.push_back({all.P.topLeftCorner<thermal_columns, thermal_columns>(), all.q.head<thermal_columns>(),
                            all.log_weight - std::log(double(switch_on_.size()))});
   all = coefficients_.back();
-  // The constant is flat: eliminated.
+  // The constant has a flat prior and is eliminated.
   const BlockVector column = all.P.col(0);
   all.log_weight += 0.5 * all.q[0] * all.q[0] / column[0] - 0.5 * std::log(column[0]);
   all.P -= column * column.transpose() / column[0];
@@ -249,9 +249,9 @@ void Search::at_switch_on(int index) {
   leaf.weight = all.log_weight;
   explore(system_of(all), 0, leaf, polynomials);
   if (!allowed_.smooth) return;
-  // A function of its own, in the sigma of a mean of all legs, beside a cubic.
+  // A smooth function beside a cubic; its sizes begin with the sigma of a mean of all legs.
   double with_s[4] = {-INFINITY, -INFINITY, -INFINITY, std::log(shape[4] / odds)};
-  // What has no mean spreads over twice its rms at least.
+  // A function without a mean spreads over at least twice its rms.
   const auto all_sizes = sizes(1.0 / std::sqrt(coefficients_.back().P(0, 0)), 0.5 * spread);
   for (const double size : all_sizes) {
     const Weighed rest = without_last(all, smooth_count, size);
@@ -267,7 +267,7 @@ void Search::explore(const System& system, int next, Leaf leaf, const double log
   best_ = std::max(best_, whole.weight);
   if (whole.weight > best_ + branch_floor) leaves_.push_back(whole);
   if (next == terms) return;
-  // No set of further columns gains more than the whole chi-square that they have, and the odds of the best order.
+  // No set of further columns gains more than all of them together, at the odds of the best order.
   System rest = system;
   const double floor = least_pivot * (1.0 + system.Q.diagonal().maxCoeff());
   double most_gain = *std::max_element(log_shape + leaf.order, log_shape + allowed_.order + 1);
@@ -311,7 +311,7 @@ Average Search::average() {
       result.order[leaf.order] += leaf.weight;
     if (leaf.variance[3] > 0.0) result.rate += leaf.weight;
     if (leaf.variance[4] > 0.0 || leaf.variance[5] > 0.0) result.hysteresis += leaf.weight;
-    // Coefficients z of unit prior variance, so that those that are not there are no case of their own; the constant is flat.
+    // Coefficients z of unit prior variance, so that absent ones need no case of their own; the constant is flat.
     BlockVector root = prior.cwiseSqrt();
     root[0] = 1.0;
     const Weighed& of = coefficients_[leaf.switch_on];
@@ -335,7 +335,7 @@ struct Fit {
   MatrixXd covariance;                                                // of all
 };
 
-// What a leg is in the coefficients and then the lag, about these: keys x (thermal_columns of each and 1).
+// Returns a leg as linear in the coefficients and then the lag, about these values: keys x (thermal_columns of each and 1).
 MatrixXd rows_of(const LegData& leg, const Setting& setting, const VectorXd& about) {
   constexpr double step_c = 0.01;
   const Index count = setting.keys.size(), lag = count * thermal_columns;
@@ -353,7 +353,7 @@ MatrixXd rows_of(const LegData& leg, const Setting& setting, const VectorXd& abo
   return F;
 }
 
-// Of each of the keys: where its columns, and behind all of them and the lag its switch-ons, stand in the joint system.
+// The joint system: for each key the places of its columns, and, behind all columns and the lag, of its switch-ons.
 struct Joint {
   MatrixXd H;
   VectorXd b;
@@ -396,7 +396,7 @@ double spread_of(const std::vector<LegData>& legs, Index j) {
   return std::max(1.0, high - low);
 }
 
-// Precision from the averages' priors; the constants have none.
+// Returns the precision of the averages' priors; the constants have none.
 VectorXd prior_precision(const Joint& joint, const Fit& fit) {
   VectorXd precision = VectorXd::Zero(joint.b.size());
   for (std::size_t j = 0; j < fit.averages.size(); ++j)
@@ -408,7 +408,7 @@ VectorXd prior_precision(const Joint& joint, const Fit& fit) {
   return precision;
 }
 
-// No lag, or one of each size: what all parameters say together.
+// Weighs no lag against one of each size, by what all parameters tell together.
 void weigh_lag(double precision, double q, double longest, Fit& fit) {
   const auto grid = sizes(std::min(1.0 / std::sqrt(precision), longest / thermal_priors.smallest), longest);
   const double largest = 0.5 * q * q / (1.0 / grid.back() + precision);  // gain of a size
@@ -423,19 +423,19 @@ void weigh_lag(double precision, double q, double longest, Fit& fit) {
   fit.mean[fit.mean.size() - 1] = mean / sum, fit.lag_variance = second / sum - mean * mean / (sum * sum);
 }
 
-// L of L L', positive definite but for rounding.
+// Returns L of A = L L'; A is positive definite but for rounding.
 MatrixXd lower_root(MatrixXd A) {
   A.diagonal().array() += 0.01 * least_variance;
   return A.llt().matrixL();
 }
 
-// Unknowns from `first` on become T times themselves.
+// Multiplies the unknowns from `first` on by T.
 void transform(MatrixXd& C, Index first, const MatrixXd& T) {
   C.middleRows(first, T.rows()) = (T * C.middleRows(first, T.rows())).eval();
   C.middleCols(first, T.rows()) = (C.middleCols(first, T.rows()) * T.transpose()).eval();
 }
 
-// `before`: a fit to begin with; none: everything may be large.
+// `before`: a fit to begin with; null: every term may be large.
 Fit fit(const std::vector<LegData>& legs, const Setting& setting, const Fit* before) {
   const Index count = setting.keys.size(), lag = count * thermal_columns;
   const double longest = thermal_priors.longest_lag_h * setting.rate_unit;
@@ -546,7 +546,7 @@ ThermalPoint point_at_leg(const LegData& leg, const Setting& setting, const Fit&
   return point;
 }
 
-// Coefficients in file units per power of T - reference.
+// Sets the coefficients in file units, per power of T - reference.
 void hand_out(const Fit& fit, const Setting& setting, ThermalModel& model) {
   MatrixXd B = setting.functions.to_powers(model.reference_c);
   B(thermal_rate, thermal_rate) = 1.0 / setting.rate_unit;
@@ -728,7 +728,7 @@ double off_its_cubic(const ThermalModel& model, std::size_t parameter) {
 }
 
 ThermalExpectation expected_thermal_sigmas(const std::vector<ThermalLeg>& legs) {
-  std::vector<int> keys = legs.front().free;  // of every leg
+  std::vector<int> keys = legs.front().free;  // those that every leg determines
   for (const ThermalLeg& leg : legs)
     std::erase_if(keys, [&](int key) { return std::ranges::find(leg.free, key) == leg.free.end(); });
   const auto [low, high] = std::ranges::minmax(legs, {}, &ThermalLeg::temperature_c);

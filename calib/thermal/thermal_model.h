@@ -1,25 +1,25 @@
 // The 24 parameters as functions of temperature, from calibrations of one unit at several temperatures (docs/thermal.md).
 //
-// A leg is one calibration: values y_i with their full covariance C_i at temperature T_i, its mean rate of change r_i and the direction d_i from
-// which the temperature was approached. With lag tau of the unit, the sensors are at T_i - tau r_i. Of parameter p, at that temperature,
+// A leg is one calibration: values y_i with full covariance C_i at temperature T_i, its mean rate of change r_i and the direction d_i from
+// which the temperature was approached. With a lag tau of the unit, the sensors are at T_i - tau r_i. For parameter p, at that temperature,
 //   f_p = c_0 + sum_k c_k P_k + (h + l (1 - u^2)) d_i + s
 //   y_i = f + D_i f' + a r_i + b_i + e_i,   e_i ~ N(0, C_i) over all parameters of the leg
-//   D_i   what the course of temperature within the leg makes of parameters that go with it (`within`)
-//   u     temperature over the range, -1 to 1: h goes with the direction alone, l is a loop that closes at the ends
+//   D_i   the leg's response to parameters that change with the temperature during it (`within`)
+//   u     temperature over the range, -1 to 1: h depends on the direction alone, l is a loop that closes at the ends
 //   P_k   Legendre polynomials of the range, k up to 3
-//   s     what a Gaussian process, exp(-x^2 / 2 l^2), l = 0.35 of the range, has beside its nearest cubic: the P_k keep their meaning beside it
-//   b_i   of biases, one for each switch-on: N(0, t^2); scale factors and misalignments have none
-// A model says which orders, rate, hysteresis and s a parameter has, how large each is (a grid of prior sigmas) and t. Its evidence is that of
-// a linear Gaussian system (Harville 1977; Kass and Raftery 1995), c_0 flat, taken in term by term as in calib/evidence/posterior.h; what is
-// handed out is the average over all models (Hoeting et al., Stat. Sci. 14 (1999) 382), whose sigma holds what is not certain.
+//   s     a Gaussian process, exp(-x^2 / 2 l^2), l = 0.35 of the range, less its nearest cubic, so that the P_k keep their meaning
+//   b_i   of biases, one per switch-on: N(0, t^2); scale factors and misalignments have none
+// A model says which orders, rate, hysteresis and s a parameter has, how large each is (a grid of prior sigmas), and t. Its evidence is that of a
+// linear Gaussian system (Harville 1977; Kass and Raftery 1995), c_0 flat, terms added one by one as in calib/evidence/posterior.h. The result is the
+// average over all models (Hoeting et al., Stat. Sci. 14 (1999) 382); its sigma includes their uncertainty.
 //
-// Models are weighed parameter by parameter: what all legs say of the coefficients g_p, given the prior of the other parameters' coefficients in
-// their average over models (N(0, sum w v)), is one precision and vector, the cavity of expectation propagation (Minka, UAI 2001, 362). The
-// joint covariance of all coefficients is that of the averaged priors, its block of each parameter replaced by that of its own average. The lag is
-// weighed in the same way, as one unknown more of all parameters together: -tau r f' about the average of the round before.
+// Models are weighed parameter by parameter. All that the legs tell of the coefficients g_p, given the model-averaged prior of the other
+// parameters' coefficients (N(0, sum w v)), is one precision and vector: the cavity of expectation propagation (Minka, UAI 2001, 362). The
+// joint covariance of all coefficients is that of the averaged priors, with each parameter's block replaced by that of its own average. The
+// lag is weighed likewise, as one more unknown common to all parameters: -tau r f' about the average of the round before.
 //
-// Units: those of the parameter file; coefficients per C^k, per C/h, and half the difference of approach from below and above. Not modelled: changes of a
-// parameter with age; a lag that differs between the sensors; what the square of a leg's own excursions about its mean does.
+// Units: those of the parameter file; coefficients per C^k, per C/h, and half the difference of approach from below and above.
+// Not modelled: change of a parameter with age; a lag that differs between sensors; second-order effects of temperature excursions within a leg.
 #pragma once
 
 #include <array>
@@ -42,26 +42,26 @@ struct ThermalLeg {
   ParameterVector value = ParameterVector::Zero();
   Eigen::MatrixXd covariance;  // free x free
   std::vector<int> free;       // parameters that the leg determines
-  // free x free, C: what of each is found if another goes with temperature by one of its units per C (response_to_temperature). Empty: nothing.
+  // free x free, C: the error of each parameter where another has a slope of one of its units per C (response_to_temperature). Empty: none.
   Eigen::MatrixXd within = {};
 };
 
 // All constants; docs/thermal.md gives the reason of each.
 struct ThermalPriors {
-  // Of no dependence, orders 1 to 3 and a smooth function beside them: even odds that there is one, each further one half as likely.
+  // No dependence, orders 1 to 3, and a smooth function beside them: even odds of a dependence, each further one half as likely.
   std::array<double, 5> shape = {7.5 / 15, 4.0 / 15, 2.0 / 15, 1.0 / 15, 0.5 / 15};
   double per_effect = 1.0 / 3.0;  // rate, hysteresis, loop: expected number over all parameters
-  double smallest = 2.0;          // prior sigma of a coefficient, in its own sigma; and so on by `factor`
+  double smallest = 2.0;          // smallest prior sigma of a coefficient, in its own sigma; the next by `factor`
   double factor = 4.0;
   int sizes = 6;
-  double most_of_spread = 10.0;   // no coefficient is larger, in the spread of the legs' values; s: half of the spread
-  double length_of_range = 0.35;  // of s
-  double switch_on_smallest = 0.4;  // of a leg's sigma; and so on up to twice the spread; or none at all
+  double most_of_spread = 10.0;     // largest coefficient, in the spread of the legs' values; s: half of the spread
+  double length_of_range = 0.35;    // of s
+  double switch_on_smallest = 0.4;  // in a leg's sigma; up to twice the spread; or none at all
   double switch_on_factor = 1.6;
   double same_temperature_c = 0.5;  // legs that differ by less are at one temperature
-  double same_rate_c_per_h = 1.0;   // the same of a rate
-  double disagrees_z = 6.0;         // a leg, with the others
-  double lag = 0.5;                 // that there is one, of `sizes` as of a coefficient
+  double same_rate_c_per_h = 1.0;   // the same for a rate
+  double disagrees_z = 6.0;         // of a leg, from the others
+  double lag = 0.5;                 // probability of a lag; its sizes as of a coefficient
   double longest_lag_h = 0.25;      // its sigma; a unit follows its own thermometer within the hour
 };
 inline constexpr ThermalPriors thermal_priors;
@@ -78,22 +78,22 @@ inline constexpr int thermal_rate = 4, thermal_hysteresis = 5, thermal_loop = 6,
 struct ThermalParameter {
   int key = 0;                    // of parameter_keys
   std::array<double, 4> order{};  // probability of each
-  double smooth = 0.0;            // that no polynomial carries it
+  double smooth = 0.0;            // that it needs a function beside the polynomial
   double rate = 0.0, hysteresis = 0.0;
   double switch_on = 0.0;  // sigma, of biases
-  // Rms over temperatures left out: mean of the others, this model, as its sigmas expect, the leg and its switch-on alone.
+  // Rms over temperatures left out: error of the others' mean, of this model, as its sigmas expect, noise of a leg and its switch-on.
   std::array<double, 4> left_out{};
-  double at_least(int k) const;  // probability that the order is k or more, smooth functions among them
-  int said_order() const;        // the largest order that is at least said_from probable
+  double at_least(int k) const;  // probability of order k or more, smooth functions included
+  int said_order() const;        // the largest order with a probability of at least said_from
 };
 
 using ParameterCovariance = Eigen::Matrix<double, parameter_count, parameter_count>;
 
-// Of the temperatures left out, mean squares over the legs: what the mean of the others and the model are off by, and a leg and its switch-on alone.
+// Mean squares over the legs, their temperature left out: errors of the others' mean and of the model, and variance of a leg and its switch-on.
 struct ThermalHoldout {
   int legs = 0;
   ParameterCovariance before = ParameterCovariance::Zero(), after = before, noise = before;
-  double worst_z = 0.0;  // the largest error in its own sigma: of which leg and parameter
+  double worst_z = 0.0;  // the largest error in its own sigma, with its leg and parameter
   std::string worst_leg;
   int worst_key = 0;
 };
@@ -106,7 +106,7 @@ struct ThermalModel {
   // thermal_columns for each of `parameters`, one behind the other; then the lag, h.
   Eigen::VectorXd coefficients;
   Eigen::MatrixXd covariance;
-  std::vector<ParameterVector> at_legs;  // what it expects of each leg
+  std::vector<ParameterVector> at_legs;  // its prediction for each leg
   ThermalHoldout holdout;
   std::vector<std::string> notes;  // what the legs do not allow
 
@@ -117,20 +117,20 @@ struct ThermalModel {
   double lag_sigma_h() const { return sigma(parameters.size(), 0); }
 };
 
-// Errors: fewer than two temperatures, numbers that are not finite, a covariance that is not positive definite.
+// Returns an error for fewer than two temperatures, numbers that are not finite, a covariance that is not positive definite.
 Result<ThermalModel> fit_thermal_model(const std::vector<ThermalLeg>& legs, const ThermalOptions& options = {});
 
 struct ThermalPoint {
-  ParameterVector value = ParameterVector::Zero();               // at rest in temperature, the mean of both directions
+  ParameterVector value = ParameterVector::Zero();               // at a steady temperature, mean of both directions
   ParameterCovariance covariance = ParameterCovariance::Zero();  // without the switch-on
 };
 ThermalPoint evaluate(const ThermalModel& model, double temperature_c);  // outside the range as at its end
 
-// How far the curve of a parameter is from its coefficients 0 to 3, at most in the range. They are the nearest cubic (least squares).
+// Returns the largest distance, in the range, of a parameter's curve from its coefficients 0 to 3, the nearest cubic (least squares).
 double off_its_cubic(const ThermalModel& model, std::size_t parameter);
 
-// What legs of these temperatures and covariances, whatever their values, would determine: least squares of one polynomial a parameter, of the
-// largest order that the temperatures allow (3 at most), all parameters jointly. Parameters that a leg does not determine are not there: sigma 0.
+// The sigmas that legs of these temperatures and covariances would give, whatever their values: least squares of one polynomial a parameter, of the
+// largest order that the temperatures allow (3 at most), all parameters jointly. A parameter that some leg does not determine is left out: sigma 0.
 struct ThermalExpectation {
   double reference_c = 0.0;            // the middle of the range
   std::vector<ParameterVector> sigma;  // by power of T - reference

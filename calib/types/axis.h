@@ -18,7 +18,7 @@ constexpr const char* to_string(Axis axis) {
 
 constexpr std::size_t index(Axis axis) { return std::size_t(axis); }
 
-// One number an axis, indexed by Axis: degrees, deg/s or deg/s^2, as the name says.
+// One number per axis, indexed by Axis: degrees, deg/s or deg/s^2, as the name says.
 struct AxisTriple {
   std::array<double, 3> value{};
   double& operator[](Axis axis) { return value[index(axis)]; }
@@ -26,17 +26,17 @@ struct AxisTriple {
   bool operator==(const AxisTriple&) const = default;
 };
 
-// Three axes in another order and with other signs: which axis of a unit is which axis of the body it is mounted in.
+// Permutation of three axes with signs: how the axes of a unit lie in the body that it is mounted in.
 //
-// Written as three signed letters, "x, y, z" or "-z, y, x": the first says what the body's x axis (front) is in the unit's, the second
-// its y axis (up), the third its z axis (right). Body component k = sign[k] * unit component from[k].
+// Written as three signed letters, "x, y, z" or "-z, y, x": the first names the unit's axis along the body's x axis (front), the second
+// that along its y axis (up), the third that along its z axis (right). Body component k = sign[k] * unit component from[k].
 struct AxisOrder {
   std::array<int, 3> from{0, 1, 2};
   std::array<int, 3> sign{1, 1, 1};
   bool operator==(const AxisOrder&) const = default;
 };
 
-// From "x, -z, +y"; nothing unless every letter comes once.
+// Parses "x, -z, +y"; none unless every letter occurs once.
 inline std::optional<AxisOrder> axis_order(std::string_view text) {
   AxisOrder order;
   std::array<bool, 3> used{};
@@ -64,7 +64,7 @@ inline std::string to_string(const AxisOrder& order) {
   return text;
 }
 
-// What one axis of the table may do. Degrees, deg/s, deg/s^2. Positions are cumulative, as everywhere in this project.
+// Limits of one axis of the table. Degrees, deg/s, deg/s^2. Positions are cumulative, as everywhere in this project.
 struct AxisLimits {
   double soft_min_deg = -540.0;
   double soft_max_deg = 540.0;

@@ -25,7 +25,7 @@ struct ImuSample {
   std::uint32_t flags = 0;                                        // 0 good; bits below
 };
 inline constexpr std::uint32_t sample_flag_invalid = 1;  // the unit marked its data as bad
-// Of the six channels, gyros first.
+// Returns one of the six channels, gyros first.
 template <class Sample>
 auto& channel_of(Sample& sample, std::size_t channel) {
   return channel < 3 ? sample.gyro[channel] : sample.accel[channel - 3];
@@ -42,9 +42,8 @@ struct RecordingInfo {
   IncrementKind accel_increment = IncrementKind::pulses;
   double accel_pulse_mps = 0.0;  // nominal m/s per pulse; used when accel_increment is pulses
   bool has_temperature = false;
-  std::optional<std::int64_t>
-      started_utc_s;       // when its first sample came, where that is known; seconds since 1970-01-01
-  bool simulated = false;  // made by the rig: never yields a production parameter file
+  std::optional<std::int64_t> started_utc_s;  // time of the first sample, if known; seconds since 1970-01-01
+  bool simulated = false;                     // made by the rig: never yields a production parameter file
 };
 
 // align and static: the unit is at rest. rotate: it may be moving (moves, settling, and dwells that were repeated).
@@ -61,13 +60,13 @@ struct Segment {
 };
 using Segments = std::vector<Segment>;
 
-// What becomes a segment: a move or a dwell of a plan.
+// A move or a dwell of a plan; each becomes a segment.
 struct PlannedMotionItem {
   enum class Kind { move, dwell } kind = Kind::dwell;
-  int step = 0;                                 // its number
-  std::int64_t samples = 0;                     // of a move: settling included
+  int step = 0;                                 // number of its step
+  std::int64_t samples = 0;                     // of a move: including settling
   SegmentKind dwell_kind = SegmentKind::still;  // align or still
-  Axis axis = Axis::heading;                    // of a move, as the next four
+  Axis axis = Axis::heading;                    // moves only, as the next four
   double from_deg = 0.0;
   double to_deg = 0.0;
   double rate_degps = 0.0;           // above zero

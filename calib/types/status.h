@@ -1,7 +1,7 @@
 // Status and Result<T>: what every function at an I/O border returns.
 //
-// An Error carries its kind and one line for the user that says where, what was found and what was expected. A Result without a value never looks like success: both classes
-// are [[nodiscard]], and value() on an error is a programming mistake (assert).
+// An Error carries its kind and one line for the user that says where, what was found and what was expected. A Result without a
+// value never looks like success: both classes are [[nodiscard]], and value() on an error is a programming mistake (assert).
 //
 // Not for our own mistakes: those are assert().
 #pragma once
@@ -90,7 +90,7 @@ T value_of(Result<T> result) {
 
 }  // namespace turncal
 
-// The value of a Result, nothing of a Status; where there is an error, the function returns it.
+// Yields the value of a Result, or nothing for a Status; on an error the enclosing function returns it.
 //   const double sigma = TRY(read_sigma(file));
 //   TRY(write(file));
 #define TRY(...)                                   \
