@@ -131,10 +131,10 @@ double correct_headings(const FilterResult& pass, const Eigen::VectorXd& step, c
 
 // Faults: where a recording contradicts itself, the joint estimate cuts the chain.
 //
-// Two sources: the Compressor's events on raw samples (gaps of the counter, invalid samples, glitches), and static seconds whose
-// innovation nothing explains: nu' S^-1 nu above the one-in-10^9 quantile of chi-square, and above ten times the 90 % quantile of
-// the seconds after a rotation (an effect that the model lacks acts after every rotation, and must not be taken for a fault). A
-// sample of g lost or counted twice in a rotation shows as a velocity step of gravity x period up or down.
+// Two sources: the Compressor's events on raw samples (gaps of the counter, invalid samples, glitches), and static seconds whose innovation nothing
+// explains: nu' S^-1 nu above the one-in-10^9 quantile of chi-square, and above ten times the 90 % quantile of the seconds after a rotation (an
+// effect that the model lacks acts after every rotation, and must not pass for a fault).
+// A sample of g lost or counted twice in a rotation shows as a velocity step of gravity x period up or down.
 
 // Returns the faults that the raw data show; adds a break for each that matters, in block order.
 std::vector<Fault> faults_from_events(const CompressedRecording& recording, std::vector<Break>& breaks);

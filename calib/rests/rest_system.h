@@ -11,7 +11,8 @@
 //
 // h: the gyros carry the heading from rest to rest, but not its origin. So h has two components for each stretch of legs without a fault, with prior
 // N(0, (w_ie cos(latitude))^2 / 2). Its best value for these parameters is removed from rows and columns; with gyros too noisy to observe it, it is
-// near zero. Each stretch spends two observations on h that still count as redundant. Not modelled: the derivative of C_bn,k, creep inside an edge.
+// near zero. Each stretch spends two observations on h that still count as redundant.
+// Not modelled: the derivative of C_bn,k, creep inside an edge.
 #pragma once
 
 #include <Eigen/Core>

@@ -9,9 +9,9 @@
 // Samples that a file reader flags as clipped (gyro_clipped_flag), because it sees the numbers themselves, are reported
 // too.
 //
-// One pass; memory: 0.8 MB and the runs. For units turned by hand: at the constant rate of a table a coarse gyro may
-// repeat one value too. There the turn itself decides (clipped_turns): the sums of its blocks repeat one value, and it
-// is short of what was commanded. Not modelled: a sensor that wraps around, or that rings at the end of its range.
+// One pass; memory: 0.8 MB and the runs. For units turned by hand: at the constant rate of a table a coarse gyro may repeat one value too.
+// There the turn itself decides (clipped_turns): the sums of its blocks repeat one value, and it is short of what was commanded.
+// Not modelled: a sensor that wraps around, or that rings at the end of its range.
 #pragma once
 
 #include <array>

@@ -37,13 +37,13 @@ namespace turncal {
 
 struct BlockState;  // calib/model/effects.h
 
-// Fills in a few lost samples between those that arrived, with the variance of the error. At rest, with n lost: each is
-// the mean m of the last `memory` samples. The true sum is a whole number of pulses: its variance is f (1 - f), f the
-// fraction of n m, but at least 1/6 (rounding at both ends of a noisy count) and at most n times the variance of those
-// samples; for increments that are no pulses it is that maximum. The variance of n m is added. In a turn: linear
-// between the increments beside the gap. With D the mean square of x_k - (x_(k-1) + x_(k+1)) / 2 (GlitchFinder) the
-// variance of the sum is (n + n^2 / 2) 2 D / 3; if the slope changes across the gap by c with c^2 > 20 D, n^2 c^2 is
-// added: a corner fell into it. Not modelled: motion that comes and goes within the gap.
+// Fills in a few lost samples between those that arrived, with the variance of the error.
+// At rest, with n lost: each is the mean m of the last `memory` samples. The true sum is a whole number of pulses: its variance is f (1 - f), f the
+// fraction of n m, but at least 1/6 (rounding at both ends of a noisy count), and at most n times the variance of those samples; that maximum for
+// increments that are no pulses. The variance of n m is added.
+// In a turn: linear between the increments beside the gap. With D the mean square of x_k - (x_(k-1) + x_(k+1)) / 2 (GlitchFinder) the variance of the
+// sum is (n + n^2 / 2) 2 D / 3. A slope that changes across the gap by c with c^2 > 20 D adds n^2 c^2: a corner fell into it.
+// Not modelled: motion that comes and goes within the gap.
 struct GapFill {
   Channels first, step;  // increments: the first one, and the difference from one to the next
   Channels variance;     // of the sum, increments squared

@@ -69,12 +69,11 @@ struct GlitchLimits {
   static GlitchLimits at_rest(const RecordingInfo& info);
 };
 
-// Finds single samples that stand out from their neighbours. With d_k = x_(k-1) - (x_k + x_(k-2)) / 2 of one channel, sample k-1
-// is a suspect if |d_k| exceeds ratio times the running rms of d (memory of 100 samples) and a minimum: so many nominal pulses,
-// for gyros also the effect of a table at 7 rad/s^2, for a unit at rest so many steps. A glitch of g gives d = -g/2, g, -g/2 with
-// sum 0; where a table begins or ends to accelerate, the sum is as large as d. So a suspect stays if |sum of d, two before to two
-// behind| < |d| / 2, or while that sum is not known. Not modelled: glitches closer than three samples to each other count as one;
-// a glitch in the very corner of a motion is taken for the corner.
+// Finds single samples that stand out from their neighbours. With d_k = x_(k-1) - (x_k + x_(k-2)) / 2 of one channel, sample k-1 is a suspect if
+// |d_k| exceeds ratio times the running rms of d (memory of 100 samples) and a minimum: so many nominal pulses, for gyros also the effect of a table
+// at 7 rad/s^2, for a unit at rest so many steps. A glitch of g gives d = -g/2, g, -g/2 with sum 0; where a table begins or ends to accelerate, the
+// sum is as large as d. So a suspect stays if |sum of d, two before to two behind| < |d| / 2, or while that sum is not known.
+// Not modelled: glitches closer than three samples to each other count as one; a glitch in the very corner of a motion is taken for the corner.
 class GlitchFinder {
  public:
   GlitchFinder(const RecordingInfo& info, const GlitchLimits& limits);
@@ -110,11 +109,11 @@ class GlitchFinder {
   std::size_t unconfirmed_ = 0;  // index of the first unchecked suspect in `events`
 };
 
-// Detects dead and stuck channels: a dead one gives the same value all the time, a stuck one from some sample on. At rest a gyro that
-// counts may well repeat itself, so a channel must change while the table turns the unit through a whole circle in total, and for at least
-// 20 s. A gyro across the axis of a turn by half circles may give no pulse for minutes: if the other two measure the whole turn, the turn
-// does not test it. Nor does a turn in which a channel still changed: an accelerometer may repeat itself from the end of a turn on. Not
-// detected: a channel that is stuck for less than that; one that sticks near its true value and still flickers.
+// Detects dead and stuck channels: a dead one gives the same value all the time, a stuck one from some sample on. At rest a gyro that counts may well
+// repeat itself, so a channel must change while the table turns the unit through a whole circle in total, and for at least 20 s.
+// A gyro across the axis of a turn by half circles may give no pulse for minutes: if the other two measure the whole turn, the turn does not test it.
+// Nor does a turn in which a channel still changed: an accelerometer may repeat itself from the end of a turn on.
+// Not detected: a channel that is stuck for less than that; one that sticks near its true value and still flickers.
 class ChannelLife {
  public:
   explicit ChannelLife(const RecordingInfo& info);
