@@ -8,6 +8,7 @@
 //    contradict the noise model: then nothing is claimed.
 // 5. Parameters and sigmas are averages over the models: a sigma includes what may be missing, in proportion to its probability.
 // 6. Held-out recordings count in the odds of the models, not in the values (evidence.h). Their error is reported, and can refute the model.
+//
 // Pure mathematics on compressed recordings. What no recording can show is listed in effects.h, unobservable_quantities().
 #pragma once
 

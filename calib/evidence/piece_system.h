@@ -125,7 +125,7 @@ class PieceSystem {
   };
   OfPiece of_piece(std::size_t piece) const;
   const Information& information(std::size_t piece) const { return links_[piece].I; }  // before elimination
-  // The bias of the scores by errors in variables (noise_fit.h): the white noise of a reading is correlated with its effect on
+  // The bias of the scores due to errors in variables (noise_fit.h): the white noise of a reading is correlated with its effect on
   // the velocities. For each reading of a cell: the excess score of a column of which that reading is a factor.
   const Eigen::Matrix<double, 6, 1>& pull(std::size_t cell) const { return pull_[cell]; }
   // Returns Q x over all coordinates.

@@ -68,7 +68,7 @@ inline constexpr double carried_by_names = 0.5;
 // The effects that stand for all that is missing, and those that the recording cannot separate from them.
 struct NamedEffects {
   std::vector<EffectColumn> columns;  // time constants: means over the variants, weighted by probability
-  double probability = 0.0;           // that what is missing has these names, or others of the same branch
+  double probability = 0.0;           // that all that is missing has these names, or others of their branches
   // By effect name: other formulas held by models without that effect, with the probability of these models.
   std::map<std::string, std::map<std::string, double>> instead;
 };
