@@ -117,7 +117,7 @@ JointResult model_on_holdout(const CompressedRecording& holdout, const JointResu
         model.effects[std::size_t(own[i] - parameter_count)].value += by;
     }
     model.parameters = from_vector(values);
-    // The linearisation error of the attitude is the square of the heading error: a first error of one arc minute would already show at the turns.
+    // Attitude is linear in the heading error up to its square: an arc minute of that from the first pass would already show at the turns.
     const double turned = correct_headings(pass, step, own, model.start, setup.headings_rad);
     const double fall = -step.dot(pass.gradient(own));
     if (fall < near_enough && turned < 1.0) break;

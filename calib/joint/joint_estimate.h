@@ -1,6 +1,6 @@
 // The joint estimate: all free parameters (and any effects asked for) from every static second of a recording.
 //
-// Gauss-Newton on run_filter() (joint_filter.h) until no parameter moves by a hundredth of its sigma:
+// Gauss-Newton on run_filter() (joint_filter.h) until no parameter moves by 0.3 sigma, and over every second until none moves by one:
 //   step = -A^-1 c,  A = sum N' S^-1 N,  covariance = A^-1 + what an instability too small to be seen may add
 // with the noise measured on the way (allan.h for the start, noise_fit.h for the values) unless it is given. Directions of
 // parameter space that the recording does not determine are named, not solved for: an eigenvector of A in units of
@@ -76,8 +76,8 @@ struct JointOptions {
 struct Fault {                                     // where the chain was cut, and why
   std::int64_t first_sample = 0, last_sample = 0;  // the fault lies in [first, last]
   std::size_t block = 0;
-  std::string what;       // "gap of 1 sample", "velocity step of -0.049 m/s up ...", ...
-  std::string action;     // "leg set aside", "velocity started anew"
+  std::string what;       // "gap of 1 sample(s) in the unit's counter", ...
+  std::string action;     // "velocity is estimated anew after it", ...
   double step_mps = 0.0;  // of a velocity step that no noise explains
 };
 

@@ -91,8 +91,8 @@ using JumpByReadings = Eigen::Matrix<double, 6, 6>;
 struct FilterStep {
   std::size_t block = 0;
   bool observed = false;
-  bool begins_chain = false;                           // nothing of psi, v before counts for what comes after
-  bool begins_recording = false;                       // and nothing of b_g, b_a
+  bool begins_chain = false;                           // psi and v start anew
+  bool begins_recording = false;                       // and so do b_g and b_a
   double rho = 1.0;                                    // decay of b_g, b_a over the block
   Eigen::Vector3d rotation = Eigen::Vector3d::Zero();  // of the block, body frame, rad
   Eigen::Matrix3d turn_n, F, C_mid;                    // see linear_motion.h

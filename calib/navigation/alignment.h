@@ -31,7 +31,7 @@ Eigen::Quaterniond coarse_alignment(std::span<const MotionInterval> window, cons
 // The prior of a fine alignment, before its first observation.
 inline constexpr double coarse_heading_rad = 0.2;
 void begin_alignment(DriftCovariance& drift);
-// Returns the heading's sigma from the observations alone. Gyros that hardly observe north leave the prior's.
+// Returns the heading's sigma from the observations alone. Where the gyros hardly observe north, `sigma_rad` is mostly the prior.
 double heading_sigma_of_data(double sigma_rad);
 
 struct Alignment {

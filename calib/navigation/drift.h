@@ -48,7 +48,7 @@ class DriftCovariance {
     double latitude_rad = 0.0;
     double gravity_mps2 = 0.0;
   };
-  // `counts`: none: no sensitivities.
+  // Without `counts` there are no sensitivities.
   DriftCovariance(const Site& site, const NoiseModel& noise, const std::optional<CountsModel>& counts);
 
   // Before alignment: attitude known to these sigmas (level, heading, rad), velocity to a pulse, position exactly.

@@ -6,8 +6,8 @@
 // A motion recorded in the same run has the same biases. The continuity of attitude and of an effect of the run is ignored, which understates the
 // information. With everything else eliminated (score_algebra.h), member i of true value v_i is separated from member j by
 //   2 ln L = v_i^2 Q_ii (1 - R_i.j^2)          R_i.j: multiple correlation of i with the components of j
-// in the mean, with a scatter of twice its root. A name leaves the class when it explains less by 10 (bic_margin of limits.h); an expected 30 are
-// above that in 97 of 100 recordings. v_i: the estimate of i in place of the chosen one, less a sigma, since it is the largest by chance.
+// in the mean, with a scatter of twice its root. A name leaves the class when it explains less by 10 (bic_margin of limits.h); an expected 30
+// exceeds that in 97 of 100 recordings. v_i: the estimate of i in place of the chosen one, less a sigma, since it is the largest by chance.
 //
 // Units: values in those of docs/diagnosis.md. The plan's temperature is the recording's last.
 #pragma once

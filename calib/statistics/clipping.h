@@ -6,8 +6,7 @@
 //   - is many of the smallest steps the channel makes (ClippingLimits in limits.h),
 //   - and persists: a constant rate counted in steps flickers between two of them, so that most of its runs follow each other within two samples.
 //
-// Samples that a file reader flags as clipped (gyro_clipped_flag), because it sees the numbers themselves, are reported
-// too.
+// Samples that a file reader, which sees the numbers themselves, flags as clipped (gyro_clipped_flag) are reported too.
 //
 // One pass; memory: 0.8 MB and the runs. For units turned by hand: at the constant rate of a table a coarse gyro may repeat one value too.
 // There the turn itself decides (clipped_turns): the sums of its blocks repeat one value, and it is short of what was commanded.

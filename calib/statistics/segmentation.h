@@ -6,8 +6,8 @@
 // holds the unit shakes it, so the threshold does not follow from the noise. Of thresholds from the level that noise reaches to 10^5 times
 // that, in steps of 26 %, the longest stretch is taken over which the number of rests (four or more) stays the same and that begins below
 // most_tremor (limits.h); the threshold lies near its lower end. A rest ends where R rises above three times the threshold or stays above
-// it for a window; guard_s is cut off both ends; anything shorter than min_rest_s is no rest. A slow even turn is as quiet as a rest: it is
-// one if its mean rate stands out by slow_turn_sigmas robust deviations and the sample noise.
+// it for a window; guard_s is cut off both ends; anything shorter than min_rest_s is no rest. A slow even turn is as quiet as a rest: a
+// run is taken for one if its mean rate stands out by slow_turn_sigmas robust deviations and the sample noise.
 //
 // The result is verified: each rest is cut to its longest still stretch (longest_still), and the quiet level must be noise. Variance over
 // half the mean square difference of neighbouring samples is 1 for white noise, more for a smooth motion; above smooth_motion the unit
