@@ -5,7 +5,7 @@
 //
 // 1. Forward selection over component x (all, each level of each factor): z = beta / sigma of a generalised least squares fit, with sigma_b^2 by
 //    restricted likelihood beside all levels of that factor, and the units' changes between recordings. p by Student's t with the units' degrees of
-//    freedom, times the number of tests (Bonferroni). The best is removed from the scores (s - Q beta), so that no alias follows, then all is retested.
+//    freedom, times the number of tests (Bonferroni). The best is removed from the scores (s - Q beta), so no alias follows; then all is retested.
 // 2. The same for what began or grew at one level of a factor: a step or a ramp from a day t0 on, with half of the false alarms; a change in time
 //    must be better than a constant by shape_margin (limits.h). t0 has an interval by likelihood.
 // 3. Units that deviate from what is common by more than a family-wise limit, in units of their own sigma and the robust scatter of all. The

@@ -8,7 +8,7 @@
 // 0.002 deg/sqrt(h). Velocity noise and what the calibration left add to it.
 //
 // The unit's distance from the centre of rotation is neglected (10 deg/s at an arm of 10 cm are 17 mm/s): velocity is observed at rest only.
-// Errors: fewer than min_rest_s seconds at rest in the window; above max_navigation_latitude_deg, where no gyro tells north.
+// Errors: fewer than align_min_rest_s seconds at rest in the window; above max_navigation_latitude_deg, where no gyro tells north.
 #pragma once
 
 #include <array>
