@@ -24,3 +24,25 @@ for degph in 1 1 1e-5; do
   ls enough
 done
 made all enough
+
+# Legs that were measured elsewhere, one without a thermometer; and what is made of parameters that follow the temperature.
+legs='all/leg-01 all/leg-02 bare-leg'
+turncal export all/leg-03 --out bare > said
+cut -d, -f1-7 bare/imu.csv > bare.csv && mv bare.csv bare/imu.csv
+turncal calibrate bare --out bare-leg > said
+try thermal $legs --out warm
+printf 'temperature_c = 25\ndirection = sideways\n' > bare-leg/leg.conf
+try thermal $legs --out warm
+rm bare-leg/leg.conf
+try thermal $legs --out warm --temperature bare-leg=25 --reference 20
+cat warm/thermal.conf
+try convert warm/parameters.conf --header warm.h
+grep -A 4 temperature warm.h
+rig hot 'temperature.start_c = 60\ntemperature.rise_c = 0\n'
+try run --quiet --dry-run --capture-only --unit SN1 --sequence four.seq --rig hot.rig --out hot
+for recording in all/leg-02 hot; do try apply $recording --parameters warm/parameters.conf --out ${recording##*/}.csv; done
+# A thermometer that falls silent for more than a minute is none.
+turncal export all/leg-02 --out silent > said
+awk -F, -v OFS=, 'NR > 100 && NR < 14100 { $8 = "" } { print }' silent/imu.csv > silent.csv && mv silent.csv silent/imu.csv
+try apply silent --parameters warm/parameters.conf --out silent.csv
+sha256sum leg-02.csv hot.csv

@@ -1,5 +1,5 @@
 #!/bin/sh
-# Runs that end when they know enough: never, when both units do, and not before there is a diagnosis.
+# Runs that end when they know enough: never, when both units do, not before there is a diagnosis, and not where the fit is not believed.
 name=enough
 . ./begin.sh
 known='stop.sigma.n11 = 3e-6\nstop.sigma.n22 = 3e-6\n'
@@ -11,4 +11,9 @@ until_known both.station --unit SN1 --unit SN2 --out both --sequence "$demo"
 station at-once 'stop.sigma.n11 = 1\nstop.sigma.n22 = 1\n'
 until_known at-once.station --unit SN1 --out at-once --sequence "$steps"
 grep -E 'ended_after|verdict' at-once/parameters.conf
-made never both at-once
+# Nor where the fit is not believed.
+rig k2 'effect.accel_second_order.y = 200\n'
+station doubted 'stop.sigma.n11 = 1\nrig.file = k2.rig\n'
+sed '/^step 8/,$d' "$demo" > seven.seq
+until_known doubted.station --unit SN1 --out doubted --sequence seven.seq --no-diagnosis
+made never both at-once doubted
