@@ -82,5 +82,23 @@ TEST_F(ContinuedRun, IsTheSameAfterAKill) {
   expect_same_after_kills("run --continue first --sequence quick.seq", "first/continued", {0.33, 0.66, -12, -3});
 }
 
+// ---- the examples of the help ----
+
+class CommandLine : public Program {};
+
+// An example whose options are not those of its command would say so before it looks for its files.
+TEST_F(CommandLine, ExamplesAreUnderstood) {
+  int tried = 0;
+  for (const std::string& line :
+       lines_of(file_text(std::string(TURNCAL_SOURCE_DIR) + "/orchestrator/commands/examples.txt"))) {
+    ASSERT_TRUE(line.starts_with("turncal ") && line.size() <= 98) << line;
+    if (line.find("--dry-run") != std::string::npos || line.find(" design ") != std::string::npos) continue;
+    const ProgramResult result = run(Arguments(line.substr(8)));
+    EXPECT_SAYS_NOT(result.err, "--help)") << line;
+    ++tried;
+  }
+  EXPECT_GT(tried, 50);
+}
+
 }  // namespace
 }  // namespace turncal

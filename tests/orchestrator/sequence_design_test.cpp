@@ -3,7 +3,7 @@
 #include "calib/prediction/predict.h"
 #include "orchestrator/jobs/preflight.h"
 #include "orchestrator/station/station_config.h"
-#include "tests/orchestrator/program.h"
+#include "tests/test.h"
 
 namespace turncal {
 namespace {
@@ -117,21 +117,6 @@ TEST(SequenceDesign, ShowsTheEffectsThatAreAskedFor) {
   task.effects = {"gyro_rate_nonlinearity"};
   const Result<Design> with = good(design_walk(task, go_on));
   EXPECT_LT(detectable(*with), detectable(*without));
-}
-
-class DesignCommand : public Program {};
-
-TEST_F(DesignCommand, FindsTheShortestRunForSigmas) {
-  write("want.conf", "N01 = 0.006\nn11 = 1e-6\n");
-
-  ends({"design", "--sigma", "want.conf", "--tries", "500", "--rate", "20", "--out", "short.seq"}, 0);
-  const Result<Sequence> sequence = good(read_sequence(path("short.seq")));
-  const DesignTask task = task_of(600.0);
-  const Plan plan = make_plan(*sequence, task.limits);
-  EXPECT_LT(plan.station_s, 2000.0);
-  const Prediction prediction = predict(task.info, planned_motion(*sequence, plan), task.predict);
-  EXPECT_LE(prediction.sigma[0], 0.006);
-  EXPECT_LE(prediction.sigma[6], 1e-6);
 }
 
 }  // namespace

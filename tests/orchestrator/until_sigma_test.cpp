@@ -143,17 +143,6 @@ TEST_F(UntilSigma, SetsADwellThatDisagreesAsideWhenItsRepeatAgreesAlsoAfterAKill
   EXPECT_SAYS(again.front(), "enough = false");
 }
 
-TEST_F(UntilSigma, GoesOnWhereTheFitIsNotBelieved) {
-  write("k2.rig", "effect.accel_second_order.y = 200\n");
-  write("s.station", station_head + "motion.settle_s = 0.5\nstop.sigma.n11 = 1\nrig.file = k2.rig\n");
-  const ProgramResult made =
-      ends("run --dry-run --unit SN1 --out o --station s.station --until-sigma --no-diagnosis --sequence " +
-               first_steps("8"),
-           20);
-  EXPECT_SAYS(made.out, "something is missing with a probability of more than 0.99: the bias of accelerometer y");
-  EXPECT_SAYS_NOT(made.out, "enough is known");
-}
-
 TEST_F(UntilSigma, EndsTheSameAfterAKillAtAnyTime) {
   const std::string station = write("killed/s.station", until_sigma_station);
   const std::vector<double> calls = {40, 0.4, 0.7, -40, -32, -24, -16, -8, -0.1};

@@ -13,9 +13,9 @@ namespace turncal {
 namespace {
 
 // A program in the background, ended with this object.
-class Program {
+class PeerProgram {
  public:
-  explicit Program(const std::vector<std::string>& words) {
+  explicit PeerProgram(const std::vector<std::string>& words) {
     pid_ = ::fork();
     if (pid_ != 0) return;
     std::vector<char*> arguments;
@@ -24,7 +24,7 @@ class Program {
     ::execvp(arguments[0], arguments.data());
     ::_exit(127);
   }
-  ~Program() {
+  ~PeerProgram() {
     if (pid_ <= 0) return;
     ::kill(pid_, SIGTERM);
     ::waitpid(pid_, nullptr, 0);
@@ -33,8 +33,8 @@ class Program {
     if (pid_ > 0 && ::waitpid(pid_, nullptr, WNOHANG) != 0) pid_ = -1;
     return pid_ <= 0;
   }
-  Program(const Program&) = delete;
-  Program& operator=(const Program&) = delete;
+  PeerProgram(const PeerProgram&) = delete;
+  PeerProgram& operator=(const PeerProgram&) = delete;
 
  private:
   pid_t pid_ = -1;
@@ -49,7 +49,7 @@ std::string output_of(const std::string& command, int& status) {
   return text;
 }
 
-bool wait_for_port(Program& server, int port, double seconds) {
+bool wait_for_port(PeerProgram& server, int port, double seconds) {
   const Deadline deadline(seconds);
   while (!deadline.passed() && !server.ended()) {
     const int s = ::socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0);
@@ -145,7 +145,7 @@ const std::string script = std::string(TURNCAL_SOURCE_DIR) + "/tests/turntable_d
 
 TEST(ModbusPeers, PymodbusServesATableOverTcp) {
   const int port = test::free_port(SOCK_STREAM);
-  Program server({"/usr/bin/python3", script, "tcp", std::to_string(port)});
+  PeerProgram server({"/usr/bin/python3", script, "tcp", std::to_string(port)});
   ASSERT_TRUE(wait_for_port(server, port, 20.0)) << "python3-pymodbus: scripts/install-deps --tests installs it";
   RegisterMap map = map_of(plain_map_text("tcp"));
   map.link.address = "127.0.0.1:" + std::to_string(port);
@@ -158,9 +158,9 @@ TEST(ModbusPeers, PymodbusServesATableOverTcp) {
 TEST(ModbusPeers, SocatCarriesRtuToPymodbus) {
   const int port = test::free_port(SOCK_STREAM);
   const std::string device = temporary("socat");
-  Program server({"/usr/bin/python3", script, "rtu", std::to_string(port)});
+  PeerProgram server({"/usr/bin/python3", script, "rtu", std::to_string(port)});
   ASSERT_TRUE(wait_for_port(server, port, 20.0)) << "python3-pymodbus: scripts/install-deps --tests installs it";
-  const Program socat({"socat", "PTY,link=" + device + ",raw,echo=0", "TCP:127.0.0.1:" + std::to_string(port)});
+  const PeerProgram socat({"socat", "PTY,link=" + device + ",raw,echo=0", "TCP:127.0.0.1:" + std::to_string(port)});
   ASSERT_TRUE(wait_for_file(device, 10.0)) << "socat: scripts/install-deps --tests installs it";
   RegisterMap map = map_of(plain_map_text("rtu"));
   map.link.address = device;

@@ -1,6 +1,4 @@
-// A document and its renderings; the control charts, as one that has everything.
-#include "orchestrator/line/parameter_history.h"
-#include "orchestrator/line/shift_report.h"
+// A document and its renderings.
 #include "orchestrator/station/number_text.h"
 #include "orchestrator/watch/progress.h"
 #include "tests/orchestrator/report/sample_diagnosis.h"
@@ -118,45 +116,6 @@ TEST(Document, AsJsonHasTypesAndAllDigits) {
                 std::string(150, 'w') +
                 "\"},\n"
                 "{\"unit\":\"SN3\",\"value, ug\":3,\"z\":\"given\",\"why\":\"\"}]]}]}\n");
-}
-
-// Ten units; N01 walks in steps of 0.01 and the last one jumps.
-std::vector<StoredCalibration> ten_units(double last_n01) {
-  std::vector<StoredCalibration> all;
-  for (int i = 0; i < 10; ++i) {
-    StoredCalibration c;
-    c.id = i + 1;
-    c.unit = "SN<" + std::to_string(i) + ">";
-    c.time_utc = "2026-01-0" + std::to_string(i) + "T00:00:00Z";
-    c.verdict = "pass";
-    for (const std::string_view key : parameter_keys) {
-      StoredValue value;
-      value.key = key;
-      value.value = key == "N01" && i == 9 ? last_n01 : 0.01 * (i % 2);
-      value.sigma = 0.002;
-      if (key == "N01") value.limit = {.min = -0.1, .max = 0.1};
-      c.values.push_back(value);
-    }
-    all.push_back(c);
-  }
-  return all;
-}
-
-TEST(HistoryPage, ChartsEveryParameterAndMarksWhatIsOutside) {
-  for (const bool jumps : {false, true}) {
-    const std::string page = as_page(history_document(ten_units(jumps ? 0.09 : 0.01), "results.db")).html;
-    EXPECT_EQ(count_of(page, "<td class=\"name\">"), 31u);  // and ten units
-    EXPECT_EQ(count_of(page, "<td>gyro x bias</td><td>°/h</td>"), 1u);
-    EXPECT_EQ(count_of(page, "<td>gyro x towards y</td><td>″/pulse</td>"), 1u);
-    EXPECT_EQ(count_of(page, "<tr class=\"hit\">"), jumps ? 1u : 0u);
-    EXPECT_SAYS(page, "SN&lt;3&gt;") << "serial numbers are text, not markup";
-    if (page.find("This plot is missing") != std::string::npos) GTEST_SKIP() << "needs gnuplot";
-    EXPECT_EQ(count_of(page, "<svg"), 21u) << "a drawing a chart, so that a phone has them below one another";
-    EXPECT_EQ(count_of(page, "<text>01-09</text>"), 21u) << "the day of the last, below the axis";
-    EXPECT_EQ(count_of(page, "outside the control limits</span>"), jumps ? 1u : 0u);
-    EXPECT_EQ(count_of(page, ">µrad<"), 9u) << "misalignments are angles";
-    EXPECT_EQ(count_of(page, ">% from the mean<"), 6u) << "scale factors are relative";
-  }
 }
 
 }  // namespace

@@ -1,7 +1,6 @@
 // `turncal certificate`: what stands on it, and for what there is none.
 
 #include "orchestrator/report/certificate.h"
-#include "imu_io/base/crc.h"
 #include "tests/orchestrator/results/rig_unit.h"
 
 namespace turncal {
@@ -81,28 +80,6 @@ TEST_F(CertificateTest, SaysWhatItHasTo) {
   EXPECT_EQ(run(certify({"a"})).code, 0);  // again, over its own
 }
 
-// What the page says of effects follows the diagnosis that was made, or was not.
-TEST_F(CertificateTest, SaysWhatIsKnownOfEffects) {
-  const auto page_of = [this](const std::string& diagnosis, bool trusted, bool with_effect) {
-    ParameterFile file = result_file();
-    if (!diagnosis.empty()) file.add_further("verdict.diagnosis", diagnosis);
-    if (with_effect) file.effects.push_back({"accel_size_effect", "x_rx", 0.02, 0.001});
-    set(file, "quality.trusted", trusted ? "true" : "false");
-    keep_run(file, "a");
-    ends(certify({"a"}, {"--specimen"}), 0);
-    return file_text(folder_ / "c.html");
-  };
-  const std::string about = "Effects beyond the parameters: ";
-  EXPECT_SAYS(page_of("", true, false), about + "not examined.<");
-  EXPECT_SAYS(page_of("not_made", false, false), about + "not examined, and the standard deviations are not trusted");
-  EXPECT_SAYS(page_of("clean", true, false), about + "none was found.<");
-  EXPECT_SAYS(page_of("unexplained", false, false), about + "a residual is left that no effect explains.");
-  EXPECT_SAYS(page_of("unexplained", false, true), about + "a residual is left");
-  EXPECT_SAYS(page_of("extended", true, true), about + "those found are in the model: accel_size_effect.<");
-  EXPECT_SAYS(page_of("extended", false, false), about + "those found are not in the model, and");
-  EXPECT_SAYS(page_of("noise_model", false, false), about + "not examined, and");
-}
-
 // N01 = 0.0071 below 0.0131: the estimate alone leaves room for its guard band, three runs that scatter by 0.006 do not.
 TEST_F(CertificateTest, JudgesByTheUncertaintyItPrints) {
   const auto of_run = [this](const std::string& name, double value, const std::string& judgement) {
@@ -141,25 +118,6 @@ TEST_F(CertificateTest, JudgesByTheUncertaintyItPrints) {
     of_run("3", 0.0071, wrong);
     expect_refused(certify({"3"}), "3/parameters.conf: key 'verdict.N01'");
   }
-}
-
-TEST_F(CertificateTest, EachRecordingOnce) {
-  ParameterFile file = result_file();
-  keep_run(file, "a");
-  keep_run(file, "copy");
-  expect_refused(certify({"a", "copy"}), "copy/parameters.conf: recording 0000");
-  const std::string one(32, '1'), two(32, '2');
-  file.recording_hash = one;
-  file.add_further("record.recordings", 2.0);
-  file.add_further("record.recording.1.hash", one);
-  file.add_further("record.recording.2.hash", two);
-  keep_run(file, "both");
-  ASSERT_EQ(run(certify({"a", "both"})).code, 0);
-  EXPECT_SAYS(file_text(folder_ / "c.html"), std::string(32, '0') + ", " + one + ", " + two);
-  file = result_file();
-  file.recording_hash = two;
-  keep_run(file, "second");
-  expect_refused(certify({"both", "second"}), "second/parameters.conf: recording 2222");
 }
 
 TEST_F(CertificateTest, BudgetByHand) {
@@ -320,29 +278,6 @@ TEST_F(CertificateTest, NoneWithoutWhatHasToStandOnIt) {
   expect_refused(certify({"a"}), "no certificate without table.id (when it was measured), table.calibration_due");
   write("lab.station", station + "customer.order = \xe9\n");
   expect_refused(certify({"a"}), "expected printable text in UTF-8");
-}
-
-// The hash is that of the whole file without the hash, so anybody can tell.
-TEST_F(CertificateTest, ItsHashCanBeChecked) {
-  keep_run(result_file(), "a");
-  ASSERT_EQ(run(certify({"a"})).code, 0);
-  const ProgramResult checked = ends("certificate --check c.html", 0);
-  const std::string page = file_text(folder_ / "c.html"), words = "unaltered, hash ";
-  ASSERT_SAYS(checked.out, words);
-  const std::string hash = checked.out.substr(checked.out.find(words) + words.size(), 32);
-  std::string without = page;
-  int times = 0;
-  for (std::size_t at; (at = without.find(hash)) != std::string::npos; ++times) without.erase(at, hash.size());
-  EXPECT_EQ(times, 2);  // at the end, and for each page
-  EXPECT_EQ(hash_of_text(without), hash);
-  for (const char* part : {"Customer Ltd", "font: 10pt", "SN7"}) {
-    std::string other = page;
-    other[other.find(part)] = 'X';
-    write("x.html", other);
-    expect_refused("certificate --check x.html", "x.html: changed after it was issued");
-  }
-  write("x.html", page + "\n");
-  expect_refused("certificate --check x.html", "x.html: expected a complete certificate");
 }
 
 TEST_F(CertificateTest, AsPdf) {

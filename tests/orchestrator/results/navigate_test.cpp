@@ -106,47 +106,6 @@ TEST_F(Navigate, SamplesLostInATurnAreCountedThere) {
   EXPECT_LT(conf.number("drift.rms_nm_per_h"), 0.1);
 }
 
-TEST_F(Navigate, EffectsOfTheFileAreTakenOff) {
-  record_rest("g", "effect.gyro_g_sensitivity.zx = 0.5\n");
-  write_truth("g", "plain.conf");
-  ParameterFile file = *read_parameter_file(path("plain.conf"));
-  file.effects.push_back({"gyro_g_sensitivity", "zx", 0.5, 0.01});
-  file.model = "extended";
-  keep(file, "effect.conf");
-  ASSERT_EQ(run("navigate g --parameters effect.conf --against plain.conf --out nav --branches 1").code, 0);
-  KeyValueFile conf = result("nav/navigation.conf");
-  // Nose up for 300 s, 0.5 deg/h tilt it by 7e-4 rad: 7 mm/s^2 from then on.
-  EXPECT_LT(conf.number("drift.rms_nm_per_h"), 0.05);  // of counting in pulses
-  EXPECT_GT(conf.number("against.drift.rms_nm_per_h"), 0.1);
-}
-
-// The unit's nose down: heading is not defined, and what is said of it says so.
-TEST_F(Navigate, NoseDownHasNoHeading) {
-  record("down", without_noise, "step 1\n  initial H 0 P -90 R 0\n  align 60000\n  dwell 20000\n");
-  write_truth("down", "true.conf");
-  ASSERT_EQ(run("navigate down --parameters true.conf --out nav --branches 1").code, 0);
-  KeyValueFile conf = result("nav/navigation.conf");
-  EXPECT_NEAR(conf.number("branch.1.pitch_deg"), -90.0, 0.1);
-  EXPECT_GT(conf.number("branch.1.sigma.heading_deg"), 3.0);
-  EXPECT_LE(conf.number("branch.1.sigma.heading_deg"), 104.0);
-}
-
-// A bias and its drift are estimated together: the sigma of the bias alone promises miles that nobody drifts.
-TEST_F(Navigate, ExpectsOfAFileWithEffectsWhatItCanKnow) {
-  record_rest("rest");
-  ParameterFile file = truth_of("rest");
-  for (int k = 0; k < 3; ++k) file.sigma[std::size_t(k)] = 0.2;
-  keep(file, "base.conf");
-  file.effects.push_back({"gyro_bias_drift", "x", 0.0, 0.2});
-  file.model = "extended";
-  keep(file, "effect.conf");
-  ASSERT_EQ(run("navigate rest --parameters effect.conf --against base.conf --out nav --branches 1").code, 0);
-  KeyValueFile conf = result("nav/navigation.conf");
-  EXPECT_EQ(conf.text("expected.from"), "effects");
-  EXPECT_EQ(conf.text("against.expected.from"), "sigmas");
-  EXPECT_GT(conf.number("against.expected.rms_nm_per_h"), 5.0 * conf.number("expected.rms_nm_per_h"));
-}
-
 TEST_F(Navigate, AFullDiskLeavesNothing) {
   record_rest_and_truth();
   const Arguments arguments = "navigate rest --parameters true.conf --out nav";
@@ -167,48 +126,7 @@ TEST_F(Navigate, AFullDiskLeavesNothing) {
   }
 }
 
-TEST_F(Navigate, IsPredictedFromASequence) {
-  const std::string sequence = std::string(TURNCAL_SOURCE_DIR) + "/sequences/fourteen_step.seq";
-  const auto row = [](const std::string& text, const std::string& name) {
-    const std::size_t at = text.find(name);
-    return at == std::string::npos ? -1.0 : std::stod(text.substr(at + name.size()));
-  };
-  const ProgramResult hour = ends("predict --sequence " + sequence + " --navigate 1h", 0);
-  // Angle random walk N over the alignment T: N / (W cos L sqrt(T)) = 0.0303 deg; velocity noise, and the calibration, add to it.
-  EXPECT_GT(row(hour.out, "heading after alignment, deg"), 0.0303);
-  EXPECT_LT(row(hour.out, "heading after alignment, deg"), 0.0303 * 1.2);
-  EXPECT_GT(row(hour.out, "rms, NM/h"), row(hour.out, "from noise alone, NM/h"));
-  EXPECT_EQ(run("predict --sequence " + sequence + " --navigate 60min").out, hour.out);
-  EXPECT_EQ(run("predict --sequence " + sequence + " --navigate 0h30min1800s").out, hour.out);
-  // An alignment four times as long halves the heading's sigma from noise.
-  const ProgramResult longer = run("predict --sequence " + sequence + " --navigate 1h --align 1200s");
-  EXPECT_NEAR(row(longer.out, "heading after alignment, deg"), 0.5 * row(hour.out, "heading after alignment, deg"),
-              0.004);
-}
-
 // ---- navigate data: on data that no unit gives, tests/golden/navigated.sh ----
-
-// A table that stands at zero throughout is no hand.
-TEST_F(Navigate, SamplesThatCannotBeAreSetAsideWhereTheTableStandsAtZero) {
-  record("rest", std::string(without_noise) + "seed = 31\n",
-         "step 1\n  initial H 0 P 0 R 0\n  align 60000\n  dwell 140000\n");
-  write_truth("rest", "true.conf");
-  change("rest", "hit", 90000, 1, "20000");
-  for (const char* recording : {"rest", "hit"}) {
-    ends("navigate --parameters true.conf --out nav --branches 1" + Arguments(recording), 0);
-    EXPECT_LT(result("nav/navigation.conf").number("drift.rms_nm_per_h"), 0.05) << recording;
-  }
-}
-
-// A branch begins where an alignment can be made, so that one near a turn does not spoil the others.
-TEST_F(Navigate, BranchesBeginWhereTheUnitRestsLongEnough) {
-  std::string sequence = "step 1\n  initial H 30 P 0 R 0\n  align 8000\n";
-  for (int k = 0; k < 6; ++k) sequence += "  dwell 6000\n  rotate P +90\n  dwell 6000\n  rotate P -90\n";
-  record("rest", std::string(without_noise) + "seed = 31\n", sequence);
-  write_truth("rest", "true.conf");
-  ends("navigate rest --parameters true.conf --out nav --align 20s --for 20s --branches 100", 0);
-  EXPECT_GT(result("nav/navigation.conf").integer("branches"), 20);
-}
 
 // ---- navigate reference ----
 

@@ -23,17 +23,13 @@ class Verify : public RigUnit {
     write_sequence("short.seq", short_seeking);
     record("one", good_rig, "step 1\n  initial H 0 P 0 R 0\n  align 200\n  dwell 200\n");
   }
-  // The unit's true parameters with the noise as it is.
-  ParameterFile good_file() {
+  // The unit's true parameters, but for `change` of one of them, with the noise as it is.
+  void write_parameters(const std::string& name, int parameter = 0, double change = 0.0) {
     ParameterFile file = truth_of("one");
     for (const char* axis : {"x", "y", "z"}) {
       file.add_further(std::string("noise.angle_random_walk.") + axis + "_deg_per_rt_h", 0.0001);
       file.add_further(std::string("noise.velocity_random_walk.") + axis + "_ug_per_rt_hz", 1.0);
     }
-    return file;
-  }
-  void write_parameters(const std::string& name, int parameter = 0, double change = 0.0) {
-    ParameterFile file = good_file();
     file.parameters[parameter] += change;
     keep(file, name);
   }
@@ -87,23 +83,6 @@ TEST_F(Verify, WaitsForNobodyInItsFolder) {
   const Result<LockFile> lock = good(LockFile::acquire(path("busy/.lock")));
   expect_refused("verify --recording one --parameters true.conf --out busy", "in use by", 50);
   expect_refused("navigate one --parameters true.conf --out busy", "in use by", 50);
-}
-
-TEST_F(Verify, SaysWhatSpeaksAgainstTheFile) {
-  ParameterFile file = good_file();
-  describe_trust("n11 may be off", file);
-  keep(file, "doubtful.conf");
-  const ProgramResult held = ends(seeking("doubtful.conf", "v"), 20, "parameters not trusted: n11 may be off");
-  EXPECT_EQ(result("v/verification.conf").text("trusted.reason"), "n11 may be off");
-  EXPECT_EQ(result("v/verification.conf").text("trusted"), "false");
-  // A recording of another latitude than the unit feels.
-  write_parameters("true.conf");
-  ASSERT_EQ(run("export v --out text").code, 0);
-  std::string conf = file_text(folder_ / "text/recording.conf");
-  conf.replace(conf.find("29.53"), 5, "39.53");
-  write("text/recording.conf", conf);
-  const ProgramResult away = ends("verify --recording text --parameters true.conf --out away", 20);
-  EXPECT_EQ(result("away/verification.conf").text("verdict.latitude"), "fail");
 }
 
 // An alignment that lost samples says nothing of the unit.
