@@ -48,6 +48,7 @@ class FrontTable : public LimitedTurntable {
   explicit FrontTable(Turntable& table) : LimitedTurntable(table, {}) {}
   Status home() override { return on_home ? on_home() : LimitedTurntable::home(); }
   Status move_absolute(Axis axis, double position_deg, double rate_degps, double acceleration_degps2) override {
+    if (on_sent) on_sent(axis, position_deg);
     if (on_move) return on_move(axis, position_deg);
     return LimitedTurntable::move_absolute(axis, position_deg, rate_degps, acceleration_degps2);
   }
@@ -70,9 +71,18 @@ class FrontTable : public LimitedTurntable {
 
   std::function<Status()> on_home, on_stop, on_abort, on_status;
   std::function<Status(Axis, double)> on_move;
+  std::function<void(Axis, double)> on_sent;  // and is passed on
   std::function<void(Axis, AxisStatus&)> on_read;
   bool by_hand = false;
   int stops = 0, aborts = 0;
+};
+
+// A unit in front of which a test puts something: how it is read.
+struct FrontUnit : FrontImu {
+  using Read = std::function<Result<std::size_t>(std::span<ImuSample>, double)>;
+  FrontUnit(ImuSource& unit, Read how) : FrontImu(unit), on_read(std::move(how)) {}
+  Result<std::size_t> read(std::span<ImuSample> out, double timeout_s) override { return on_read(out, timeout_s); }
+  Read on_read;
 };
 
 // Counts what comes, keeps the segments; fails on demand.

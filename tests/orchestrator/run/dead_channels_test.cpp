@@ -199,34 +199,21 @@ TEST(DeadChannels, AGyroThatReadsZeroInAShortDwellIsNoticed) {
   }
 }
 
-// The rig's unit, frozen from one sample of its own to another.
-class FreezingImu : public FrontImu {
- public:
-  FreezingImu(ImuSource& imu, std::int64_t from, std::int64_t to) : FrontImu(imu), from_(from), to_(to) {}
-  Result<std::size_t> read(std::span<ImuSample> out, double timeout_s) override {
-    Result<std::size_t> got = imu_.read(out, timeout_s);
-    for (std::size_t i = 0; got && i < *got; ++i) {
-      if (out[i].counter < from_ || out[i].counter >= to_) {
-        kept_ = out[i];
-      } else {
-        out[i].gyro = kept_.gyro;
-        out[i].accel = kept_.accel;
-      }
-    }
-    return got;
-  }
-
- private:
-  std::int64_t from_, to_;
-  ImuSample kept_{};
-};
-
 // For 15 s of a dwell of 60 s: the dwell is repeated once, and the run goes on.
 TEST(DeadChannels, ARunRepeatsTheDwell) {
   RigStation rig(
       "format = 1\nname = frozen\nrate_degps = 30\nacceleration_degps2 = 60\nstep 1\n  initial H 0 P 0 R 0\n"
       "  align 2000\n  rotate P +90\n  dwell 12000\n  rotate P -90\n");
-  FreezingImu imu(rig.devices.imu, 6000, 9000);
+  ImuSample last;
+  FrontUnit imu(rig.devices.imu, [&](std::span<ImuSample> out, double timeout_s) {
+    const Result<std::size_t> got = rig.devices.imu.read(out, timeout_s);
+    for (ImuSample& sample : out.first(got ? *got : 0)) {
+      if (sample.counter < 6000 || sample.counter >= 9000) last = sample;
+      sample.gyro = last.gyro;
+      sample.accel = last.accel;
+    }
+    return got;
+  });
   const RunOutcome outcome = ended(rig.run_with(imu), RunState::done);
   EXPECT_EQ(outcome.repeated_dwells, 1);
   ASSERT_EQ(rig.watcher.count(RunEvent::dwell_bad), 1);

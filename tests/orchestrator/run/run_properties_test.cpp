@@ -76,34 +76,6 @@ TEST(RunProperties, TransitionTable) {
 
 struct Killed {};
 
-// Looks at every command on its way to the table.
-class WatchedTable : public RigTable {
- public:
-  WatchedTable(Rig& rig, const TestJournal& journal) : RigTable(rig), rig_(rig), journal_(journal) {}
-  Status move_absolute(Axis axis, double position_deg, double rate_degps, double acceleration_degps2) override {
-    for (Axis other : all_axes) two_moves = two_moves || rig_.axis(other).moving;
-    const bool kept = !journal_.commands.empty() && journal_.commands.back().move &&
-                      journal_.commands.back().move->axis == axis &&
-                      journal_.commands.back().move->target_deg == position_deg;
-    unrecorded = unrecorded || !kept;
-    return RigTable::move_absolute(axis, position_deg, rate_degps, acceleration_degps2);
-  }
-  Status stop_all() override {
-    ++stops;
-    return RigTable::stop_all();
-  }
-  Status abort_all() override {
-    ++stops;
-    return RigTable::abort_all();
-  }
-  bool two_moves = false, unrecorded = false;
-  int stops = 0;
-
- private:
-  Rig& rig_;
-  const TestJournal& journal_;
-};
-
 const char* const tiny_text =
     "format = 1\nname = tiny\nrate_degps = 40\nacceleration_degps2 = 80\n"
     "step 1\n  initial H 0 P 0 R 0\n  align 200\n  rotate P +20\n  dwell 200\n  rotate R -20\n  dwell 200\n"
@@ -155,7 +127,15 @@ std::string run_with(const std::vector<Disturbance>& disturbances, Tally& tally)
     if (++calls == kill_at) throw Killed{};
     return calls == fail_at ? Status(device_error("journal: disk full (on demand)")) : Status();
   };
-  WatchedTable table(s.rig, journal);
+  FrontTable table(s.devices.table);
+  bool two_moves = false, unrecorded = false;
+  table.on_sent = [&](Axis axis, double target_deg) {
+    for (Axis other : all_axes) two_moves = two_moves || s.rig.axis(other).moving;
+    Move kept{axis, NAN, 0.0, 0.0};
+    if (!journal.commands.empty()) kept = journal.commands.back().move.value_or(kept);
+    unrecorded = unrecorded || kept.axis != axis || kept.target_deg != target_deg;
+  };
+  const auto stops = [&table] { return table.stops + table.aborts; };
   s.station.motion.settle_s = 0.1;
   s.station.motion.stall_s = 0.3;
   s.station.motion.deadline_margin_s = 1.0;
@@ -169,8 +149,8 @@ std::string run_with(const std::vector<Disturbance>& disturbances, Tally& tally)
   bool late_stop = false;
   journal.on_transition = [&](const TransitionRecord& record) {
     if (record.action != RunAction::stop_table && record.action != RunAction::abort_table) return;
-    late_stop = late_stop || table.stops <= stops_told;
-    stops_told = table.stops;
+    late_stop = late_stop || stops() <= stops_told;
+    stops_told = stops();
   };
   bool results_durable = false;
   s.calibrate = [&](const RunOutcome&) -> Status {
@@ -203,9 +183,9 @@ std::string run_with(const std::vector<Disturbance>& disturbances, Tally& tally)
       ++tally.kills;
     }
     ++tally.sessions;
-    if (table.two_moves) return "a move was commanded while another was under way";
+    if (two_moves) return "a move was commanded while another was under way";
     if (late_stop) return "a stop waited for the journal";
-    if (table.unrecorded) return "a move was commanded that the journal does not know";
+    if (unrecorded) return "a move was commanded that the journal does not know";
     if (!std::equal(before.begin(), before.end(), journal.dwells.begin())) return "a completed dwell was taken back";
     std::set<std::size_t> items;
     for (const CompletedDwell& dwell : journal.dwells) {

@@ -196,36 +196,23 @@ TEST(StationRun, AMoveThatIsRepeatedIsTakenUp) {
   EXPECT_EQ(kinds_and_pitch(s.sink.segments), expected);
 }
 
-// Gives one sample a second time with another content.
-class TwoTongued : public FrontImu {
- public:
-  TwoTongued(ImuSource& source, std::int64_t counter) : FrontImu(source), counter_(counter) {}
-  Result<std::size_t> read(std::span<ImuSample> out, double timeout_s) override {
-    if (again_) {
-      out[0] = *again_;
-      out[0].accel[0] += 1.0;
-      again_.reset();
-      return std::size_t{1};
-    }
-    const Result<std::size_t> got = imu_.read(out, timeout_s);
-    if (!got || *got == 0) return got;
-    if (!told_ && out[*got - 1].counter >= counter_) {
-      told_ = true;
-      again_ = out[*got - 1];
-    }
-    return got;
-  }
-
- private:
-  std::int64_t counter_;
-  bool told_ = false;
-  std::optional<ImuSample> again_;
-};
-
+// One sample comes a second time with another content.
 TEST(StationRun, DuplicatesThatDifferRepeatTheDwell) {
   for (const bool in_move : {false, true}) {
     RigStation t(two_steps_text);
-    TwoTongued imu(t.devices.imu, (in_move ? 1700 : 3500) + 400);
+    std::int64_t from = (in_move ? 1700 : 3500) + 400;
+    ImuSample last;
+    FrontUnit imu(t.devices.imu, [&](std::span<ImuSample> out, double timeout_s) -> Result<std::size_t> {
+      if (last.counter >= from) {
+        from = std::numeric_limits<std::int64_t>::max();
+        out[0] = last;
+        out[0].accel[0] += 1.0;
+        return std::size_t{1};
+      }
+      const Result<std::size_t> got = t.devices.imu.read(out, timeout_s);
+      if (got && *got > 0) last = out[*got - 1];
+      return got;
+    });
     const RunOutcome outcome = ended(t.run_with(imu), RunState::done);
     EXPECT_EQ(outcome.repeated_dwells, in_move ? 0 : 1);
     EXPECT_EQ(outcome.repeated_moves, in_move ? 1 : 0);
