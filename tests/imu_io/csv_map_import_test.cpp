@@ -3,7 +3,7 @@
 #include "calib/model/parameters.h"
 #include "calib/statistics/clipping.h"
 #include "tests/imu_io/text_columns.h"
-#include "tests/test.h"
+#include "tests/said.h"
 
 namespace turncal {
 namespace {
@@ -21,13 +21,6 @@ std::string rows(int count, double step = 0.01) {
 CsvImport must(const std::string& map_text, const std::string& csv) {
   return expect_value(import_text(expect_value(parse_csv_map(map_text, "m.map")), csv));
 }
-std::string refusal(const std::string& map_text, const std::string& csv) {
-  const Result<CsvMap> map = parse_csv_map(map_text, "m.map");
-  if (!map) return map.error().message;
-  const Result<CsvImport> result = import_text(*map, csv);
-  return result.ok() ? "" : result.error().message;
-}
-
 TEST(CsvMapImport, UnitsOffsetsScalesAxes) {
   const CsvImport c = must(base_map +
                                "gyro.axes = +x, -z, +y\nrate_hz = 100\ntemperature.column = temp\n"
@@ -137,31 +130,18 @@ TEST(CsvMapImport, ColumnsByNumberAndOtherDelimiters) {
   EXPECT_NEAR(must(map, csv).samples[5].gyro[2], 0.06, 1e-15);
 }
 
+// What is changed in a map, and in the rows that it reads.
 TEST(CsvMapImport, DefectsNameFileLineAndColumn) {
-  const std::string map = base_map + "rate_hz = 100\n";
-  std::string csv = rows(12);
-  csv.replace(csv.find("0.5", 60), 3, "abc");
-  EXPECT_SAYS(refusal(map, csv), "d.csv:");
-  EXPECT_SAYS(refusal(map, csv), "column 'ax' = 'abc': expected a number");
-  EXPECT_SAYS(refusal(map, rows(12) + "7,1,2\n"), "d.csv:14: the row has 3 columns: expected 8");
-  EXPECT_SAYS(refusal(map, "t,gx\n1,2\n"), "d.csv:1: no column 'ax'");
-  EXPECT_SAYS(refusal(map, rows(3)), "at least 10 rows");
-  const std::string timed = base_map + "time.column = t\n";
-  EXPECT_SAYS(refusal(timed, rows(12) + "1.0,1,1,1,1,1,1,1\n"), "d.csv:14: column 't' = '1': expected a time after");
-}
-
-TEST(CsvMapImport, DefectsOfTheMap) {
-  const auto with = [](const std::string& more) { return refusal(base_map + more, ""); };
-  EXPECT_SAYS(with(""), "rate_hz");
-  EXPECT_SAYS(with("rate_hz = 100\ntime.column = t\n"), "rate_hz");
-  EXPECT_SAYS(with("rate_hz = 100\ngyro.axes = +x, +x, +z\n"), "m.map:10: key 'gyro.axes'");
-  EXPECT_SAYS(with("rate_hz = 100\ncolour = red\n"), "colour");
-  EXPECT_SAYS(with("rate_hz = 100\naccel.scale = 1, 0, 1\n"), "key 'accel.scale' = '1, 0, 1'");
-  EXPECT_SAYS(with("rate_hz = 100\ncsv.decimal = comma\n"), "key 'csv.decimal'");
-  EXPECT_SAYS(refusal(replaced(base_map, "ax, ay, az", "ax, ay, gz") + "rate_hz = 100\n", rows(12)),
-              "column 'gz' twice");
-  EXPECT_SAYS(with("rate_hz = 100\nstarted_utc = 31.1.2026\n"), "m.map:10: key 'started_utc' = '31.1.2026'");
-  EXPECT_SAYS(refusal(replaced(base_map, "deg/s", "rpm") + "rate_hz = 100\n", ""), "expected one of rad/s");
+  expect_said("imu_io/csv_maps.said", [](const std::string& name, const std::string& what, const std::string& with) {
+    const bool of_map = name == "map";
+    const std::string timed = base_map + "time.column = t\n", rated = base_map + "rate_hz = 100\n";
+    const auto map = parse_csv_map(of_map                 ? replaced(rated, what, with)
+                                   : name == "timed rows" ? timed
+                                                          : rated,
+                                   "m.map");
+    if (!map) return said_of(map);
+    return said_of(import_text(*map, of_map ? rows(12) : replaced(rows(name == "few rows" ? 3 : 12), what, with)));
+  });
 }
 
 // ---- what people's files are like: bad rows, remarks, blanks, late stamps, two files, gyros at the end of their range ----

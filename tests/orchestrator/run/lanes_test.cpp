@@ -3,6 +3,7 @@
 #include "imu_io/recordings/recording_source.h"
 #include "orchestrator/jobs/command_context.h"
 #include "orchestrator/run/station_run.h"
+#include "tests/imu_io/recording_samples.h"
 #include "tests/orchestrator/program.h"
 #include "tests/orchestrator/rig_station.h"
 
@@ -49,20 +50,6 @@ RigConfig with_fault(RigFaultKind kind, std::int64_t sample_of_recording, std::i
   RigFault fault = unit_fault(kind, sample_of_recording, count);
   fault.unit = unit;
   return rig_with({fault});
-}
-
-TEST(Lanes, EveryUnitHasThePlansSegments) {
-  Lanes s(3);
-  const RunOutcome outcome = ended(s.run_all(), RunState::done);
-  ASSERT_EQ(outcome.units.size(), 3u);
-  for (std::size_t i = 0; i < 3; ++i) {
-    EXPECT_EQ(outcome.units[i].next_sample, two_steps_samples);
-    EXPECT_EQ(s.sinks[i].sample_count, two_steps_samples);
-    EXPECT_TRUE(s.sinks[i].finished);
-    EXPECT_EQ(s.sinks[i].info.unit_serial, "SN" + std::to_string(i + 1));
-  }
-  ASSERT_EQ(s.kept.dwells.size(), 3u);
-  EXPECT_EQ(s.kept.dwells[1].units.size(), 3u) << "a dwell's record holds every unit";
 }
 
 TEST(Lanes, UnitsAFewSamplesApartHaveDwellsOfFullLength) {
@@ -158,21 +145,6 @@ TEST(Lanes, ADropoutThatCannotBeJournalledStopsTheRun) {
   EXPECT_SAYS(outcome.error.message, "journal: disk full");
 }
 
-TEST(Lanes, AUnitThatHadDroppedOutIsNotOpened) {
-  Lanes s(2);
-  ASSERT_EQ(s.run_all().state, RunState::done);
-  Lanes again(2);
-  again.sinks = s.sinks;
-  for (MemorySink& sink : again.sinks) sink.finished = false;
-  again.resume = ResumePoint{s.kept.dwells.front(), false, {true, false}};
-  again.station.resume_rest_s = 1.0;
-  const int calls = again.sinks[0].calls;
-  ended(again.run_all(), RunState::done);
-  EXPECT_EQ(again.sinks[0].calls, calls) << "its recording was touched";
-  EXPECT_FALSE(again.sinks[0].finished);
-  EXPECT_TRUE(again.sinks[1].finished);
-}
-
 // --- The station's places ---
 
 Result<StationConfig> station_of(const std::string& keys) {
@@ -189,34 +161,9 @@ TEST(Places, AreTheLinesOfTheStation) {
   EXPECT_EQ(three->imu_settings(2).unit_serial, "");
 }
 
-TEST(Places, ContradictionsNameTheKey) {
-  for (const auto& [keys, text] :
-       {std::pair{"imu.3.device = /dev/c\n", "key 'imu.3.device' = '/dev/c': expected imu.2.device before it"},
-        {"imu.2.device = /dev/a\n", "key 'imu.2.device' = '/dev/a': expected a line that no other place has"},
-        {"imu.2.device = /dev/b\nimu.3.device = /dev/b\n", "key 'imu.3.device' = '/dev/b': expected a line"},
-        {"imu.1.device = /dev/b\n", "imu.1.device"},
-        {"imu.17.device = /dev/b\n", "imu.17.device"},
-        {"imu.2.frame = laser_gyro\n", "imu.2.frame"}}) {
-    const Result<StationConfig> refused = station_of(keys);
-    EXPECT_TRUE(fails(refused, text)) << keys;
-    EXPECT_SAYS(refused.error().message, "x.station:1");
-  }
-}
-
 // ---- station run ----
 
 // The station's loop on the rig: an undisturbed run to the sample, and a unit, a disk or an operator that ends it.
-
-std::string line_of(const Segment& s) {
-  std::ostringstream text;
-  text << s.step << ' ' << int(s.kind) << ' ' << s.start_sample << ' ' << s.end_sample << ' ' << s.heading_deg << ' '
-       << s.pitch_deg << ' ' << s.roll_deg;
-  return text.str();
-}
-void expect_same(const Segments& found, const Segments& expected) {
-  ASSERT_EQ(found.size(), expected.size());
-  for (std::size_t i = 0; i < found.size(); ++i) ASSERT_EQ(line_of(found[i]), line_of(expected[i])) << "segment " << i;
-}
 
 TEST(StationRun, UndisturbedRunIsThePlanToTheSample) {
   RigStation s(two_steps_text);
@@ -231,7 +178,7 @@ TEST(StationRun, UndisturbedRunIsThePlanToTheSample) {
   EXPECT_EQ(outcome.units[0].next_sample, two_steps_samples);
   EXPECT_EQ(s.sink.sample_count, two_steps_samples);
   EXPECT_EQ(s.sink.syncs, 3 + 2) << "after every dwell, and every step";
-  expect_same(s.sink.segments, planned_segments(s.plan));
+  test::expect_same(s.sink.segments, planned_segments(s.plan));
   EXPECT_TRUE(s.at_rest());
   EXPECT_EQ(s.sink.info.unit_serial, "SN1");
   EXPECT_TRUE(s.sink.info.simulated);
@@ -246,31 +193,25 @@ TEST(StationRun, FourteenStepsAreTheIndependentRecordingsSegments) {
   RigStation s(file_text(std::string(TURNCAL_SOURCE_DIR) + "/sequences/fourteen_step.seq"));
   const RunOutcome outcome = ended(s.run(), RunState::done);
   EXPECT_EQ(outcome.units[0].next_sample, 1268400);  // 6342 s
-  expect_same(s.sink.segments, planned_segments(s.plan));
-  expect_same(s.sink.segments, (*good(RecordingSource::open(recording)))->segments());
+  test::expect_same(s.sink.segments, planned_segments(s.plan));
+  test::expect_same(s.sink.segments, (*good(RecordingSource::open(recording)))->segments());
 }
 
-// Rates and angles whose motion is no multiple of the poll interval: the plan holds to the sample all the same.
-TEST(StationRun, OddMotionTimesFollowThePlan) {
-  RigStation s(
-      "format = 1\nname = odd\nrate_degps = 7\nacceleration_degps2 = 13\nstep 1\n  initial H 0 P 0 R 0\n  align 200\n"
-      "  rotate H +33.3\n  dwell 777\n  rotate R -1.5\n  dwell 200\n  rotate P +45 rate 40 acceleration 60\n  dwell "
-      "200\n");
-  ended(s.run(), RunState::done);
-  expect_same(s.sink.segments, planned_segments(s.plan));
-}
-
-TEST(StationRun, GoesToTheStartPositionBeforeTheRecordingBegins) {
-  RigConfig config = default_rig_config();
-  config.table.power_on_deg = {12.0, -3.0, 5.0};
-  RigStation s(
-      "format = 1\nname = away\nrate_degps = 10\nacceleration_degps2 = 20\nstep 1\n  initial H -90 P 0 R 30\n"
-      "  align 1000\n  dwell 200\n",
-      config);
-  ended(s.run(), RunState::done);
-  ASSERT_EQ(s.sink.segments.size(), 2U);
-  EXPECT_EQ(line_of(s.sink.segments[0]), "1 0 0 1000 -90 0 30");
-  EXPECT_EQ(s.watcher.count(RunEvent::move_next), 2);
+// Rates and angles whose motion is no multiple of the poll interval; and a start away from where the table is homed, of which nothing is
+// recorded.
+TEST(StationRun, OddMotionsFollowThePlanFromItsStartPosition) {
+  RigConfig left_elsewhere = default_rig_config();
+  left_elsewhere.table.power_on_deg = {12.0, -3.0, 5.0};
+  for (const auto& [start, moves] : {std::pair{"H 0 P 0 R 0", 3}, {"H -90 P 0 R 30", 5}}) {
+    RigStation s(std::string("format = 1\nname = odd\nrate_degps = 7\nacceleration_degps2 = 13\nstep 1\n  initial ") +
+                     start +
+                     "\n  align 200\n  rotate H +33.3\n  dwell 777\n  rotate R -1.5\n  dwell 200\n"
+                     "  rotate P +45 rate 40 acceleration 60\n  dwell 200\n",
+                 left_elsewhere);
+    ended(s.run(), RunState::done);
+    test::expect_same(s.sink.segments, planned_segments(s.plan));
+    EXPECT_EQ(s.watcher.count(RunEvent::move_next), moves);
+  }
 }
 
 // --- The unit, the disk, the operator.
