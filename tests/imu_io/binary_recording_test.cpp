@@ -34,7 +34,7 @@ AnyRecording draw_recording() {
   const std::int64_t first = below(2) == 0 ? below(100) - 50 : std::int64_t{1} << (31 + below(20));
   drawn.samples = make_samples(drawn.info, count, first, unsigned(below(1000)));
   std::int64_t start = first;
-  for (std::size_t at = 1; at < count; at += std::size_t(1 + below(1000))) {
+  for (std::size_t at = below(8) == 0 ? count : 1; at < count; at += std::size_t(1 + below(1000))) {
     const std::int64_t end = drawn.samples[at].counter;
     drawn.segments.push_back(make_segment(below(9), static_cast<SegmentKind>(below(3)), start, end, below(720) - 360,
                                           1e-9 * below(9), below(2) == 0 ? -0.0 : 1.0 / 3.0));

@@ -41,6 +41,8 @@ inline std::vector<ImuSample> make_samples(const RecordingInfo& info, std::size_
     if (info.gyro_increment == IncrementKind::physical && i % 7 == 0) sample.gyro[1] = -0.0;
     if (info.has_temperature && i % 13 != 12) sample.temperature_c = float(24.0 + 3.0 * normal(random));
     if (info.has_temperature && i % 13 == 5) sample.temperature_c = -0.0F;
+    const auto any = std::bit_cast<float>(std::uint32_t(random()));
+    if (info.has_temperature && i % 13 == 7 && std::isfinite(any)) sample.temperature_c = any;
     if (i % 31 == 30) sample.flags = sample_flag_invalid + std::uint32_t(i);
   }
   return samples;

@@ -121,19 +121,6 @@ TEST_F(TextTest, LineWithoutEndIsNotReadIntoMemory) {
   EXPECT_EQ(defect(), csv_path + ":3: line longer than 4096 bytes");
 }
 
-TEST_F(TextTest, NoSegmentYetIsAccepted) {
-  write_file(segments_path, std::string(segments_csv_header) + "\n");
-  const auto source = opened(folder.path());
-  EXPECT_TRUE(source->segments().empty());
-  ASSERT_OK(import_binary(*source, folder / "a.tcr"));
-  EXPECT_TRUE((*RecordingSource::open(folder / "a.tcr"))->segments().empty());
-}
-
-TEST_F(TextTest, FlagsAreThoseOfTheirSamples) {
-  write_file(folder / "flags.csv", "sample,flags\n4,1\n");
-  EXPECT_EQ(read_all(*opened(folder.path()))[2].flags, 1U);
-}
-
 // ---- import and export ----
 
 TEST_F(TextTest, FailedImportLeavesNothingAndKeepsWhatWasThere) {
@@ -224,30 +211,6 @@ TEST(ImuCsvRow, FastAndSlowParserAgree) {
     ASSERT_TRUE(same(fast, slow)) << row;
   }
   EXPECT_GT(accepted, 50000);
-}
-
-TEST(ImuCsvRow, TemperaturesComeBackBitForBit) {
-  const RecordingInfo info = make_info();
-  const ImuCsvParser parser("x", info);
-  std::mt19937 random(6);
-  for (int round = 0; round < 200000; ++round) {
-    ImuSample sample;
-    sample.temperature_c = round % 2 == 0 ? std::bit_cast<float>(std::uint32_t(random()))
-                                          : float(int(random() % 200000) - 50000) / 1000.0F;
-    if (!std::isfinite(sample.temperature_c)) continue;
-    std::string row;
-    append_imu_row(row, sample, info);
-    const std::string_view text(row.data(), row.size() - 1);
-    ImuSample slow;
-    ASSERT_OK(parser.parse(text, 1, slow));
-    ASSERT_TRUE(same(slow, sample)) << row;
-    row.append(64, '7');
-    const char* at = row.data();
-    ImuSample fast;
-    if (parser.parse_plain(at, fast)) {
-      ASSERT_TRUE(same(fast, sample)) << row;
-    }
-  }
 }
 
 }  // namespace
