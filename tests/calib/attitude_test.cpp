@@ -43,12 +43,6 @@ TEST(Attitude, IsAsDefined) {
   EXPECT_EQ(attitude_at({{-90.0, 40.0, -70.0}}), attitude_deg(-90, 40, -70));
 }
 
-TEST(Skew, IsTheCrossProduct) {
-  const Vector3d a(0.3, -2.0, 1.1), b(-0.7, 0.2, 5.0), c(4.0, 0.1, -0.3), d(0.5, 0.6, -0.2);
-  expect_near(skew(a) * b, a.cross(b));
-  expect_near(cross_of_outer(a * b.transpose() + c * d.transpose()), a.cross(b) + c.cross(d), 1e-14);
-}
-
 // Also where the series takes over.
 TEST(RotationExp, TurnsAboutTheAxisByTheLength) {
   const Vector3d axis = Vector3d(1, -2, 0.5).normalized();
@@ -87,13 +81,6 @@ TEST(Level, KeepsTheHeadingOfTheReference) {
   EXPECT_NEAR(turn(0, 2), turn(2, 0), 1e-15);  // no turn about up
   EXPECT_NEAR(turn(1, 0), -2e-3, 1e-6);        // about east
   EXPECT_NEAR(turn(2, 1), 1e-3, 1e-6);         // about north
-}
-
-TEST(EarthRate, PointsNorthAndUp) {
-  expect_near(earth_rate_n(0.0), 7.292115e-5 * north);
-  expect_near(earth_rate_n(90.0), 7.292115e-5 * up, 1e-19);
-  EXPECT_NEAR(earth_rate_n(29.53).x() / radps_per_degph, 13.0870, 1e-3);  // 15.0411 deg/h cos 29.53
-  EXPECT_LT(earth_rate_n(-30.0).y(), 0.0);
 }
 
 // ---- score algebra ----

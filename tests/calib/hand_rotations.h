@@ -43,7 +43,6 @@ struct HandPlan {
   double gyro_noise_radps = 0.005;  // a sample, white
   double accel_noise_mps2 = 0.008;
   unsigned seed = 1;
-  double scale_accel = 1.0;                              // of what is written: another unit
   Eigen::Vector3d fixed_axis = Eigen::Vector3d::Zero();  // not zero: every turn is about it
   std::optional<double> latitude_deg = {};               // none: an earth that stands still
   Disturbance effect = nullptr;                          // of time, true rate and force
@@ -96,7 +95,7 @@ inline HandData make_hand_data(const HandPlan& plan) {
     sample.counter = std::int64_t(data.samples.size());
     for (std::size_t k = 0; k < 3; ++k) {
       sample.gyro[k] = gyro[int(k)] * period_s;
-      sample.accel[k] = accel[int(k)] * period_s * plan.scale_accel;
+      sample.accel[k] = accel[int(k)] * period_s;
     }
     data.samples.push_back(sample);
   };

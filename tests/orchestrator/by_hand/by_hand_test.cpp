@@ -74,22 +74,6 @@ TEST_F(ByHand, FourteenStepsGiveTheUnitsParametersWhateverTheAnglesAre) {
   expect_tagged(session.out);
 }
 
-TEST_F(ByHand, WrongAnswersAreAskedAgain) {
-  Careful careful;
-  int turns = 0, refused = 0, objections = 0;
-  const Session session = operate(short_run(), [&](const std::string& line) -> std::optional<std::string> {
-    const auto q = question(line);
-    if (line.find("deg away from 90: expected at most 0.1") != std::string::npos)
-      return ++refused == 1 ? "89.8" : "turn roll 90\nsay 90";
-    if (line.find("The unit senses gravity ") != std::string::npos) return ++objections, "turn roll 0\n90.02";
-    if (q && q->target_deg == 90.0 && ++turns == 1) return "0.02";
-    return careful(line);
-  });
-  EXPECT_EQ(session.code, 0) << session.err << session.out;
-  EXPECT_EQ(refused, 2);
-  EXPECT_EQ(objections, 1) << session.out;
-}
-
 // The dial reads 0 before and after: gravity and typed angle agree with a turn that nobody made.
 TEST_F(ByHand, AWholeTurnThatWasNotMadeIsAskedForAgain) {
   for (const std::string axis : {"P", "H"}) {

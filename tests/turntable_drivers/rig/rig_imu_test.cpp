@@ -48,24 +48,6 @@ TEST(RigImu, ReadingPassesTimeAndNothingElseDoes) {
   EXPECT_EQ(s.imu.counters().samples, 29u);
 }
 
-TEST(RigImu, DescribesItself) {
-  RigConfig config = default_rig_config();
-  config.unit_serial = "RG-7";
-  Source s(config);
-  RecordingInfo info;
-  info.latitude_deg = 12.0;
-  s.imu.describe(info);
-  EXPECT_EQ(info.sample_period_s, 0.005);
-  EXPECT_EQ(info.gyro_increment, IncrementKind::pulses);
-  EXPECT_EQ(info.accel_increment, IncrementKind::pulses);
-  EXPECT_EQ(info.accel_pulse_mps, 0.0005);
-  EXPECT_TRUE(info.has_temperature);
-  EXPECT_TRUE(info.simulated);
-  EXPECT_EQ(info.latitude_deg, 12.0);
-  EXPECT_EQ(s.imu.identify()->unit_serial, "RG-7");
-  EXPECT_TRUE(Source(default_rig_config()).imu.identify()->unit_serial.empty());
-}
-
 TEST(RigImu, ClosedSourceIsAnError) {
   Rig rig(quiet_config());
   RigImu imu(rig);

@@ -78,14 +78,6 @@ TEST(RigSensors, CountsInvertTheParameterEquations) {
   EXPECT_EQ(rig.truth()[16], 7e-4);
 }
 
-// base tilted about east by 3' = 8.7266e-4 rad: x rises by it.
-TEST(RigSensors, BaseTiltIsFelt) {
-  RigConfig config = perfect_rig_config();
-  config.table_errors.tilt_east_arcmin = 3.0;
-  Rig rig(config);
-  EXPECT_NEAR(rig.attitude_nb()[3], 8.72664e-4, 1e-9);
-}
-
 TEST(RigSensors, QuantisedSumStaysWithinAPulseOfTheRealSum) {
   for (const RigQuantisation quantisation : {RigQuantisation::floor, RigQuantisation::round}) {
     RigConfig real = default_rig_config();
