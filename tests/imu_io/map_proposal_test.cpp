@@ -431,12 +431,12 @@ TEST(Increments, PausesLastAsLongAsTheStampsSay) {
         if (++of_two % 2 != (rate_hz == 200.0 || rate_hz == 833.0)) continue;  // every pair of two is there
         SCOPED_TRACE(fmt::format("{} Hz, {} s, pause of {} s", rate_hz, step_s, pause_s));
         std::vector<double> times;
-        for (int row = 0; row < 4000; ++row)
-          times.push_back(std::floor((0.3 + row / rate_hz + (row < 1700 ? 0.0 : pause_s)) / step_s) * step_s);
+        for (int row = 0; row < 2000; ++row)
+          times.push_back(std::floor((0.3 + row / rate_hz + (row < 850 ? 0.0 : pause_s)) / step_s) * step_s);
         const StampModel model = fit_stamps(times);
         EXPECT_TRUE(model.sure && choose_increments(times, model).even);
         EXPECT_NEAR(model.period * rate_hz, 1.0, 1e-4);
-        double periods = 3999.0;
+        double periods = 1999.0;
         for (const StampGap& gap : model.gaps) periods += double(gap.periods - 1);
         EXPECT_NEAR(periods, (times.back() - times.front()) / model.period, 1.5);
         EXPECT_EQ(model.gaps.size(), pause_s > 0.0 ? 1u : 0u);

@@ -34,12 +34,15 @@ class Page : public Program {
 
 TEST_F(Page, ServesStatusAndLetsNothingBeWritten) {
   pid_t pid = -1;
-  const std::string url = start_run("out", "10", pid);
+  const std::string url = start_run("out", "40", pid);
   ASSERT_FALSE(url.empty());
   httplib::Client client(url.substr(0, url.size() - 1));
   client.set_read_timeout(5);
-  ::usleep(1'500'000);
-  const auto status = client.Get("/status.json");
+  auto status = client.Get("/status.json");
+  for (int i = 0; i < 500 && status && !says(status->body, "\"still_gyro_degps\":0."); ++i) {  // a second of a dwell
+    ::usleep(10'000);
+    status = client.Get("/status.json");
+  }
   ASSERT_TRUE(status);
   EXPECT_EQ(status->status, 200);
   for (const char* text :

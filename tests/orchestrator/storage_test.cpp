@@ -202,7 +202,7 @@ TEST_F(Storage, WhatIsTakenAwayInADwellIsNoticedAtOnce) {
         Row{"folder", [](auto& out) { fs::rename(out, out.string() + ".away"); }, "is no longer there"},
         Row{"log", [](auto& out) { fs::remove(out / "run.log"); }, "run.log: is no longer there", true}}) {
     SCOPED_TRACE(out);
-    const pid_t pid = start(Arguments("run --dry-run --unit SN1 --pace 20 --capture-only --out") +
+    const pid_t pid = start(Arguments("run --dry-run --unit SN1 --pace 200 --capture-only --out") +
                             Arguments{out, "--sequence", sequence});
     const fs::path partial = folder_ / out / "recording.partial.tcr";
     for (int i = 0; i < 3000 && !(fs::exists(partial) && fs::file_size(partial) > 200'000); ++i) ::usleep(10'000);

@@ -226,7 +226,7 @@ TEST_F(TableProgram, MonitorShowsTheUnitOfASlowTable) {
       static_cast<void>(unit_.write_all(bytes, 0.0).ok());  // nobody may listen
     }
   });
-  const ProgramResult result = run({"monitor", "--station", "level.station", "--for", "5s"});
+  const ProgramResult result = run({"monitor", "--station", "level.station", "--for", "3s"});
   ended = true;
   unit.join();
   EXPECT_EQ(result.code, 0) << result.err;

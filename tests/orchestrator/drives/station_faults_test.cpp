@@ -101,6 +101,7 @@ std::vector<DriveFault> drive_faults() {
   const auto busy = [=](ModbusRun& s) {
     s.config.motion.stall_s = 1.0;
     s.config.motion.deadline_margin_s = 2.0;
+    s.config.motion.poll_moving_s = 0.5;
     reads(refused(6))(s);
   };
   const auto stays_further = [](auto& words) { words[1] = std::uint16_t(words[1] - 500); };
