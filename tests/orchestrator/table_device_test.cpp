@@ -1,4 +1,6 @@
 // The keys of the table in a station file, the shipped examples, and the table that is made of them.
+#include <thread>
+
 #include "orchestrator/devices/commissioning.h"
 #include "orchestrator/devices/live_devices.h"
 #include "tests/turntable_drivers/served_twin.h"
@@ -68,7 +70,7 @@ TEST(TableDevice, MovesTheTwinWithinTheStationsLimits) {
       "table.driver = modbus\ntable.map = my.map\ntable.simulated = true\ntable.address = " + twin.server.address() +
       "\naxis.pitch.soft_max_deg = 50\n";
   const Result<StationConfig> station = good(parse_station_config(text, folder / "my.station"));
-  const Result<std::unique_ptr<TableDevice>> device = good(make_table(*station, {twin.clock}));
+  Result<std::unique_ptr<TableDevice>> device = good(make_table(*station, {twin.clock}));
   Turntable& table = (*device)->table();
   ASSERT_OK(table.connect());
   EXPECT_TRUE(table.identify()->simulated) << "a recording of a twin never makes a production file";
@@ -82,6 +84,13 @@ TEST(TableDevice, MovesTheTwinWithinTheStationsLimits) {
   ASSERT_TRUE(table.move_absolute(Axis::pitch, 5.0, 10.0, 10.0).ok());
   twin.pass(0.5);
   EXPECT_TRUE(table.status(Axis::pitch)->moving);
+  std::atomic<bool> left{false};
+  std::thread time([&] {
+    for (; !left; ::usleep(10'000)) twin.pass(0.01);  // or nobody sees that it rests
+  });
+  device->reset();
+  left = true;
+  time.join();
 
   // The watchdog of this map is 1 s: polls every 0.6 s would let it trip.
   const std::string slow = text + "motion.poll_idle_s = 0.6\n";
