@@ -363,18 +363,17 @@ Statements statements_of(const std::vector<UnderNoise>& under, const Posterior& 
     const auto says = [&](const Node& node, double probability) {
       mine.emplace(node, 1.0).first->second *= 1.0 - probability;
     };
-    if (const Statement& w = under[m.noise].what; !w.sensor.empty()) {
+    const auto says_branch = [&](const Statement& w, double driver) {
       says({w.sensor, "", "", ""}, 1.0);
       says({w.sensor, w.quantity, "", ""}, 1.0);
-      says({w.sensor, w.quantity, w.driver, ""}, 1.0);
-    }
+      says({w.sensor, w.quantity, w.driver, ""}, driver);
+    };
+    if (const Statement& w = under[m.noise].what; !w.sensor.empty()) says_branch(w, 1.0);
     for (const ModelTerm& t : m.terms) {
       const Term& term = under[m.noise].table->terms[std::size_t(t.term)];
       if (term.kind == TermKind::noise) continue;
       const Statement& w = term.what;
-      says({w.sensor, "", "", ""}, 1.0);
-      says({w.sensor, w.quantity, "", ""}, 1.0);
-      says({w.sensor, w.quantity, w.driver, ""}, term.unit < 0 ? 1.0 : t.driver);
+      says_branch(w, term.unit < 0 ? 1.0 : t.driver);
       if (term.kind == TermKind::effect) says({w.sensor, w.quantity, w.driver, w.formula}, t.formula);
     }
     if (!mine.empty()) all.anything += m.probability;
@@ -405,10 +404,7 @@ NamedEffects named_effects(const std::vector<UnderNoise>& under, const Posterior
   const TermTable& table = *under.front().table;  // effects are the same in all
   // A branch is a sensor and a quantity: names that share it may stand for each other.
   using Branch = std::pair<std::string, std::string>;
-  const auto branch = [&](const Term& t) { return Branch{t.what.sensor, t.what.quantity}; };
-  const auto branch_of_noise = [&](const WeighedModel& m) {
-    return Branch{under[m.noise].what.sensor, under[m.noise].what.quantity};
-  };
+  const auto branch = [](const Statement& what) { return Branch{what.sensor, what.quantity}; };
   std::map<Branch, double> any, by_name;
   std::vector<std::pair<std::set<std::string>, double>> held;  // keys of each model, and its probability
   std::map<std::string, EffectColumn> column_of;
@@ -419,11 +415,11 @@ NamedEffects named_effects(const std::vector<UnderNoise>& under, const Posterior
   };
   for (const WeighedModel& m : posterior.models) {
     std::set<Branch> mine, named;
-    if (branch_of_noise(m) != Branch{}) mine.insert(branch_of_noise(m));
+    if (const Branch b = branch(under[m.noise].what); b != Branch{}) mine.insert(b);
     for (const ModelTerm& t : m.terms) {
       if (term_of(m, t).kind == TermKind::noise) continue;
-      mine.insert(branch(term_of(m, t)));
-      if (is_formula(term_of(m, t), t)) named.insert(branch(term_of(m, t)));
+      mine.insert(branch(term_of(m, t).what));
+      if (is_formula(term_of(m, t), t)) named.insert(branch(term_of(m, t).what));
     }
     for (const Branch& b : mine) any[b] += m.probability;
     for (const Branch& b : named) by_name[b] += m.probability;
@@ -435,17 +431,17 @@ NamedEffects named_effects(const std::vector<UnderNoise>& under, const Posterior
     std::set<Branch> mine;
     bool missing = false, stands = true;
     for (const ModelTerm& t : m.terms)
-      if (is_formula(term_of(m, t), t)) mine.insert(branch(term_of(m, t)));
+      if (is_formula(term_of(m, t), t)) mine.insert(branch(term_of(m, t).what));
     const auto has_no_name = [&](const Branch& b) {
       missing = true;
       stands = stands && mine.count(b) == 0 && by_name[b] > named_share * any[b];
     };
-    if (branch_of_noise(m) != Branch{}) has_no_name(branch_of_noise(m));
+    if (const Branch b = branch(under[m.noise].what); b != Branch{}) has_no_name(b);
     for (const ModelTerm& t : m.terms) {
       const Term& term = term_of(m, t);
       if (term.kind == TermKind::noise) continue;
       if (!is_formula(term, t)) {
-        has_no_name(branch(term));
+        has_no_name(branch(term.what));
         continue;
       }
       missing = true;
@@ -454,7 +450,7 @@ NamedEffects named_effects(const std::vector<UnderNoise>& under, const Posterior
         const std::string key = column.key();
         stands = keys.insert(key).second && stands;  // a key at two time constants is no name
         column_of[key] = column;
-        branch_of[key] = branch(term);
+        branch_of[key] = branch(term.what);
         log_tau[key].first += m.probability * std::log(column.tau_s);
         log_tau[key].second += m.probability;
       }
