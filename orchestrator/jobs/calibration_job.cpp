@@ -171,18 +171,20 @@ constexpr std::string_view too_little_data = "too little data to test the fit";
 
 // Returns why a recording leaves parameters undetermined, as "expected slower turns, ...". Data that the model does not fit raise the estimated
 // noise until it hides the rest.
-std::string why_open(const CompressedRecording& recording, const JointResult& result) {
+std::string why_open(const CompressedRecording& recording, const JointResult& result, const Diagnosis* found) {
   if (const std::string clipped = clipped_gyros(recording); !clipped.empty())
     return "expected slower turns, " + clipped;
   if (const std::string wrong = wrong_latitude(recording, result); !wrong.empty())
     return "expected the site's latitude, " + wrong;
-  if (result.whiteness.level == 0.0) return "expected the steps that do";  // too few seconds at rest
-  const Diagnosis found = diagnose(recording, {.estimate = {}, .base = &result});
-  return found.verdict == Verdict::not_tested ? "expected the steps that do"
-                                              : "the model does not fit: " + found.reason;
+  std::optional<Diagnosis> made;
+  if (found == nullptr && result.whiteness.level > 0.0)  // enough seconds at rest
+    found = &made.emplace(diagnose(recording, {.estimate = {}, .base = &result}));
+  return found == nullptr || found->verdict == Verdict::not_tested ? "expected the steps that do"
+                                                                   : "the model does not fit: " + found->reason;
 }
 
-Status joint(const CompressedRecording& recording, const CalibrationRequest& request, CalibrationOutput& output) {
+Status joint(const LoadedRecording& loaded, const CalibrationRequest& request, CalibrationOutput& output) {
+  const CompressedRecording& recording = loaded.data;
   JointOptions options;
   options.candidates = latitude_columns();
   JointResult result = request.known ? estimate_beside(recording, *request.known) : joint_estimate(recording, options);
@@ -192,9 +194,8 @@ Status joint(const CompressedRecording& recording, const CalibrationRequest& req
                  "the calibration does not settle: " +
                      (wrong.empty() ? result.message : "expected the site's latitude, " + wrong)};
   }
-  const std::string open = undetermined_parameters(result);
-  if (!open.empty() && !request.partial)
-    return not_determined("this recording does not determine " + open + ": " + why_open(recording, result));
+  const std::string open = request.partial ? "" : what_is_open({&loaded, 1}, result);
+  if (!open.empty()) return not_determined(open);
   describe_estimate(result, recording, false, output.file);
   output.distrust = distrust_of(recording, result, request.test_fit);
   describe_trust(result.whiteness.level > 0.0 ? output.distrust : std::string(too_little_data), output.file);
@@ -313,12 +314,11 @@ Result<DiagnosisOutput> of_table(Recordings recordings, const JoinedRecordings& 
   for (const LoadedRecording& holdout : request.holdouts) settings.holdouts.push_back(&holdout.data);
   request.phase("diagnosing: fit, missing effects, held-out data");
   Diagnosis diagnosis = diagnose(joined, settings);
-  const std::string open = undetermined_parameters(diagnosis.extended);
-  if (diagnosis.verdict == Verdict::not_tested && diagnosis.extended.converged && !open.empty())
-    return Error{ErrorKind::unit_failed, recording.path + ": this recording does not determine " + open + ": " +
-                                             why_open(joined.data, diagnosis.extended)};
-  if (diagnosis.verdict == Verdict::not_tested)
-    return Error{ErrorKind::unit_failed, recording.path + ": " + diagnosis.reason};
+  if (diagnosis.verdict == Verdict::not_tested) {
+    const std::string open =
+        diagnosis.extended.converged ? what_is_open(recordings, diagnosis.extended, &diagnosis) : "";
+    return Error{ErrorKind::unit_failed, recording.path + ": " + (open.empty() ? diagnosis.reason : open)};
+  }
   note_mounting(diagnosis.base, context.notes);
   if (recordings.size() > 1)
     for (std::string& line : turn_on_words(diagnosis.each.turn_ons)) context.notes.push_back(std::move(line));
@@ -453,6 +453,13 @@ void add_measured_utc(const RecordingInfo& info, ParameterFile& file) {
   if (info.started_utc_s && !find_further(file, key)) file.add_further(key, format_utc(double(*info.started_utc_s)));
 }
 
+std::string what_is_open(Recordings recordings, const JointResult& result, const Diagnosis* found) {
+  const std::string open = undetermined_parameters(result);
+  if (open.empty()) return "";
+  if (recordings.size() > 1) return "these recordings do not determine " + open + ": expected the steps that do";
+  return "this recording does not determine " + open + ": " + why_open(recordings.front().data, result, found);
+}
+
 Error not_determined(const std::string& what) {
   return {ErrorKind::unit_failed, what + " (--partial writes what there is)"};
 }
@@ -475,7 +482,7 @@ Result<CalibrationOutput> calibrate_recording(const LoadedRecording& loaded, con
     return input_error(loaded.path + ": " + no_table_angles + ": expected the fourteen steps for --method closed-form");
   if (Status status = by_hand  ? rests_by_hand(recording, request, output)
                       : closed ? closed_form(recording, output)
-                               : joint(recording, request, output);
+                               : joint(loaded, request, output);
       !status) {
     return Error{status.error().kind, loaded.path + ": " + status.error().message};
   }
@@ -512,9 +519,8 @@ Result<CalibrationOutput> calibrate_recordings(const std::vector<LoadedRecording
     estimates.push_back(std::move(*one.fit));
   }
   const SeveralRecordings several = combine_recordings(estimates);
-  const std::string open = undetermined_parameters(several.unit);
-  if (!open.empty() && !request.partial)
-    return not_determined("these recordings do not determine " + open + ": expected the steps that do");
+  const std::string open = request.partial ? "" : what_is_open(recordings, several.unit);
+  if (!open.empty()) return not_determined(open);
   ParameterFile file = std::move(each.front().file);
   file.further.clear();
   file.sigma = {};

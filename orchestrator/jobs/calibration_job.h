@@ -81,6 +81,9 @@ struct CalibrationOutput {
 // Adds record.measured_utc when the recording knows it and the file lacks it.
 void add_measured_utc(const RecordingInfo& info, ParameterFile& file);
 
+// Returns which parameters stay undetermined, and why; empty: none. `found`: a diagnosis of the same recordings, so that none is made here.
+std::string what_is_open(std::span<const LoadedRecording> recordings, const JointResult& result,
+                         const Diagnosis* found = nullptr);
 // Returns the error for undetermined parameters. Its kind is that of the verdict not_tested, so that one outcome has one exit code.
 Error not_determined(const std::string& what);
 

@@ -55,18 +55,6 @@ bool is_diagnosed(const Making& m) {
   return !m.run.request.no_diagnosis && !m.run.request.partial && recorded_s >= least_diagnosed_s;
 }
 
-Status estimate(Making& m) {
-  if (m.run.request.capture_only) return {};
-  Result<CalibrationOutput> output = calibrate_recordings(
-      m.recordings, {.time_utc = m.time_utc, .partial = m.run.request.partial, .test_fit = !is_diagnosed(m)});
-  // The unit was measured, so a failure to calibrate lies in the unit or its recording, not in the request.
-  if (!output)
-    return Error{output.error().kind == ErrorKind::input ? ErrorKind::unit_failed : output.error().kind,
-                 output.error().message};
-  m.unit.output = std::move(*output);
-  return {};
-}
-
 // Reports each round of settling doubts: what was in doubt, what was done, and what is known now.
 void describe_settling(Making& m) {
   if (!m.unit.diagnosis) return;
@@ -101,6 +89,26 @@ void diagnose_unit(Making& m) {
   m.distrust = output ? output->diagnosis.why_base_not_trusted() : m.finding;
   if (output) m.unit.diagnosis = std::move(*output);
   describe_settling(m);
+}
+
+// Estimates and diagnoses the unit. Where parameters stay undetermined, the diagnosis says why, and the unit is left without parameters.
+Status estimate(Making& m) {
+  if (m.run.request.capture_only) return {};
+  const bool partial = m.run.request.partial, diagnosed = is_diagnosed(m);
+  Result<CalibrationOutput> output = calibrate_recordings(
+      m.recordings, {.time_utc = m.time_utc, .partial = partial || diagnosed, .test_fit = !diagnosed});
+  if (output) m.unit.output = std::move(*output);
+  diagnose_unit(m);
+  // The unit was measured, so a failure to calibrate lies in the unit or its recording, not in the request.
+  if (!output)
+    return Error{output.error().kind == ErrorKind::input ? ErrorKind::unit_failed : output.error().kind,
+                 output.error().message};
+  const std::optional<JointResult>& fit = m.unit.output->fit;
+  if (partial || !fit || undetermined_parameters(*fit).empty()) return {};
+  const Diagnosis* const found = m.unit.diagnosis ? &m.unit.diagnosis->diagnosis : nullptr;
+  const std::string open = found ? what_is_open(m.recordings, *fit, found) : m.finding;
+  m.unit.output.reset();
+  return not_determined(open);
 }
 
 // Seeks north with the estimated parameters, or with the given file. The verdict becomes part of the unit's.
@@ -148,7 +156,6 @@ void choose_file(Making& m) {
 Status judge(Making& m) {
   RunUnit& unit = m.unit;
   if (!unit.output) return verify_unit(m);
-  diagnose_unit(m);
   choose_file(m);
   const CalibrationOutput& output = *unit.output;
   const bool partial = m.run.request.partial;  // a partial estimate does not judge the unit
@@ -241,7 +248,6 @@ Status make_unit(Run& run, RunUnit& unit, double utc_s, CommandContext& context)
       return write_file_atomically(unit.file(truth_name), format_truth(Rig(unit.rig), reference_c));
     }));
   if (!estimated) {  // all is recorded, and repeating it would not help
-    diagnose_unit(making);
     unit.verdict.verdict = UnitVerdict::fail;
     unit.verdict.reason = estimated.error().message;
     unit.verdict.diagnosis = unit.diagnosis ? making.diagnosis : "";
