@@ -87,7 +87,7 @@ Status calibrate(const CalibrateOptions& options, CommandContext& context) {
   const Document report = calibration_document(output.file, output.notes, truth_beside(options.recordings.front()));
   TRY(write_file_atomically(folder.file(report_name), as_page(report).html));
   folder.keep();
-  if (!printed_as(options.format, "verdict = calibrated\n" + TRY(format_parameter_file(output.file)), context.out)) {
+  if (!printed_as(options.format, TRY(format_calibration(output.file)), context.out)) {
     if (options.verbose) context.out << as_text(report) << "\nparameters  " << file << '\n';
     say_end(report, folder, context.out);
   }

@@ -129,8 +129,8 @@ std::string effects_clause(const Diagnosis& d) {
          " beyond the 24 parameters " + (n == 1 ? "was" : "were") + " found and added: " + join(effects, "; ");
 }
 
-std::string verdict_title(Verdict verdict) {
-  std::string title = in_words(to_string(verdict));
+std::string verdict_title(std::string_view word) {
+  std::string title = in_words(word);
   title.front() = char(title.front() - 'a' + 'A');
   return title;
 }
@@ -163,7 +163,7 @@ std::string brief_reason(const Diagnosis& d) {
 }
 
 std::string verdict_sentence(const Diagnosis& d) {
-  const std::string title = verdict_title(d.verdict) + ": ";
+  const std::string title = verdict_title(to_string(d.verdict)) + ": ";
   switch (d.verdict) {
     case Verdict::clean: return title + clean_sentence(d) + ".";
     case Verdict::extended: return title + effects_clause(d) + "; " + error_clause(d) + alias_clause(d) + ".";

@@ -373,7 +373,8 @@ Document begin_document(const Diagnosis& diagnosis, const DiagnosisContext& cont
   document.add(Paragraph{sentence, "verdict " + std::string(to_string(diagnosis.verdict))}, Scope::page);
   const bool found = diagnosis.trusted() || diagnosis.verdict == Verdict::extended;
   const std::string reason = found ? brief_reason(diagnosis) : "";
-  document.add(verdict_facts(verdict_title(diagnosis.verdict), diagnosis.why_not_trusted, reason), Scope::brief);
+  document.add(verdict_facts(verdict_title(to_string(diagnosis.verdict)), diagnosis.why_not_trusted, reason),
+               Scope::brief);
   document.add(Facts{{{context.of_run ? "diagnosis" : "verdict", sentence}}}, Scope::terminal);
   return document;
 }

@@ -40,7 +40,7 @@ std::string remainder_text(const RestDiagnosis& r) {
 
 std::string sentence_of(const RestDiagnosis& r, const RestData& data) {
   const Diagnosis& d = r.diagnosis;
-  const std::string title = verdict_title(d.verdict) + ": ";
+  const std::string title = verdict_title(to_string(d.verdict)) + ": ";
   const std::string where =
       r.second_recording ? "on the second recording" : "in cross-validation over rests and rotations";
   if (d.verdict == Verdict::extended)

@@ -45,6 +45,8 @@ constexpr DriftRow drift_rows[] = {
     {"R95, NM/h", [](const ExpectedDrift& d) { return over_runs(d).r95_nm_per_h; }},
 };
 
+constexpr std::string_view calibration_verdict = "calibrated";  // there is no other
+
 constexpr double clearly = 4.0;  // sigmas from which a coefficient is shown on the terminal
 
 // Returns keys and values; a coefficient that is not seen has its 95 % limit.
@@ -111,12 +113,16 @@ Document calibration_document(const ParameterFile& file, const std::vector<std::
   if (file.simulated)
     document.add(Paragraph{"Simulated data: these are not the parameters of a real unit.", "loud"}, Scope::page);
   const std::string reason = is_trusted(file) ? "nothing contradicts the fit; turncal diagnose tests it further" : "";
-  document.add(verdict_facts("Calibrated", why_not_trusted(file), reason), Scope::brief);
+  document.add(verdict_facts(verdict_title(calibration_verdict), why_not_trusted(file), reason), Scope::brief);
   for (const std::string& note : notes) document.add(Paragraph{note, "note"});
   document.section("parameters", "The 24 parameters");
   document.add(result_table(file, truth));
   document.soft("turncal " + file.software_version + ", " + file.time_utc);
   return document;
+}
+
+Result<std::string> format_calibration(const ParameterFile& file) {
+  return "verdict = " + std::string(calibration_verdict) + "\n" + TRY(format_parameter_file(file));
 }
 
 void add_predicted_drift(const std::vector<std::pair<std::string, ExpectedDrift>>& columns, const DriftPlan& plan,

@@ -22,6 +22,8 @@ Table result_table(const ParameterFile& file, const std::optional<ParameterVecto
 // Returns the document of a calibration without a diagnosis: verdict, defects of the data, the table above.
 Document calibration_document(const ParameterFile& file, const std::vector<std::string>& notes,
                               const std::optional<ParameterVector>& truth);
+// The same verdict, and the keys of its parameter file.
+Result<std::string> format_calibration(const ParameterFile& file);
 
 // Adds what `turncal predict --navigate` prints: the expected free navigation after each sequence, side by side.
 // REQUIRES at least one column; each has at least one point.
