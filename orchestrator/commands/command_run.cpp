@@ -5,6 +5,7 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <filesystem>
 #include <map>
 
 #include "imu_io/base/console.h"
@@ -18,6 +19,7 @@
 #include "orchestrator/records/parameter_store.h"
 #include "orchestrator/records/unit_queue.h"
 #include "orchestrator/report/diagnosis_file.h"
+#include "orchestrator/service/station_view.h"
 #include "orchestrator/station/child_program.h"
 #include "orchestrator/station/number_text.h"
 #include "orchestrator/watch/progress.h"
@@ -72,6 +74,7 @@ Status print_journal(const JournalOptions& options, CommandContext& context) {
 struct BatchOptions {
   std::string queue, out;
   std::size_t at_once = 1;
+  bool mount_again = false;
   RunRequest request;
 };
 
@@ -127,16 +130,6 @@ Result<Turn> next_turn(const BatchOptions& options) {
   return turn;
 }
 
-// Calls the operator when the batch stopped before there was a run that could do so.
-void tell_operator(const HookCommands& hooks, const Status& why, const Turn& turn, bool dry_run, std::ostream& out) {
-  HookCall call{.event = "needs_operator",
-                .unit = join(turn.units),
-                .folder = turn.folder,
-                .message = why.error().message,
-                .dry_run = dry_run};
-  if (Status status = run_hook(hooks, call); !status) out << status.error().message << std::endl;
-}
-
 // Returns a note when a run that was begun goes on with its own sequence, not with the requested one; empty: they are the same.
 std::string another_sequence(const RunPlan& asked, const std::string& folder) {
   const Result<JournalContents> journal = read_journal(folder + "/" + journal_name);
@@ -169,7 +162,9 @@ Status run_turn(const BatchOptions& options, const RunPlan& asked, const Turn& t
     const bool refused = !begun && !end.units.empty() && end.status.error().kind == ErrorKind::input &&
                          std::ranges::all_of(end.units, [](const auto& unit) { return unit.outcome == "refused"; });
     if (!refused) {
-      if (end.units.empty()) tell_operator(asked.station.hooks, end.status, turn, request.dry_run, context.out);
+      // Nobody is there, and what stopped the batch came before there was a run that could tell.
+      const HookCall call{"", join(turn.units), turn.folder, "", "", request.dry_run};
+      if (end.units.empty()) call_operator(asked.station.hooks, call, end.status.error(), context.out, tag);
       return Error{end.status.error().kind, name + ": " + end.status.error().message};
     }
     end.units.clear();
@@ -189,20 +184,22 @@ Status run_turn(const BatchOptions& options, const RunPlan& asked, const Turn& t
   return stops;
 }
 
-// Returns whether a run was resumed to its end, so that nothing is left to measure.
-bool is_complete(const std::string& folder) {
-  const Result<JournalContents> journal = read_journal(folder + "/" + journal_name);
-  return journal && is_over(*journal);
-}
-
 // Returns false when a unit was skipped, which changes the turn.
 Result<bool> mount_units(const BatchOptions& options, const StationConfig& station, const Turn& turn,
                          const std::string& tag, CommandContext& context) {
+  const Result<JournalContents> journal = read_journal(turn.folder + "/" + journal_name);
+  if (options.request.dry_run || (journal && is_over(*journal))) return true;  // nothing is left to measure
+  const std::string ended = journal ? value_of(journal->transition, "to") : "failed";
+  const auto last = newest_run(options.out);  // whose units stay on the table, unless it failed or was stopped
+  const bool stays = !options.mount_again && last && std::filesystem::path(last->path) == turn.folder &&
+                     ended != "failed" && ended != "aborted";
+  const std::vector<UnitOutcome> outcomes = TRY(read_outcomes(options.queue));
   const std::string waited_for = mounting_file(options.queue);
   for (const std::string& unit : turn.units) {
-    TRY(write_file_atomically(waited_for, unit + "\n"));
-    const Result<Mounted> mounted =
-        mount_unit(station, unit, turn.folder, context.quiet ? -1 : STDIN_FILENO, context.out, tag);
+    HookCall call{"mount", unit, turn.folder, ""};
+    if (stays && !find_outcome(outcomes, unit)) call.message = "it is still on the table: its run was interrupted";
+    TRY(write_file_atomically(waited_for, unit + "\n" + call.message));
+    const Result<Mounted> mounted = mount_unit(station, call, context.quiet ? -1 : STDIN_FILENO, context.out, tag);
     ::unlink(waited_for.c_str());
     if (!mounted) return mounted.error();
     if (!mounted->skipped) continue;
@@ -227,10 +224,7 @@ Status run_batch(const BatchOptions& options, CommandContext& context) {
   for (;;) {
     const Turn turn = TRY(next_turn(options));
     if (turn.units.empty()) break;
-    const bool all = TRY(options.request.dry_run || is_complete(turn.folder)
-                             ? Result<bool>(true)
-                             : mount_units(options, prepared.station, turn, tag, context));
-    if (!all) continue;
+    if (!TRY(mount_units(options, prepared.station, turn, tag, context))) continue;
     TRY(run_turn(options, prepared, turn, tag, context));
     if (StopSignals::any())  // requested while the results were made
       return Error{ErrorKind::interrupted,
@@ -367,6 +361,8 @@ void add_batch_command(CommandLine& line) {
   command.option("queue", options.queue, {is::required}, "file with one serial number a line");
   command.option("--out", options.out, {is::required}, "folder for the units' folders");
   command.option("--at-once", options.at_once, {is::in(1, 16)}, "units on the table at the same time; default: 1");
+  command.flag("--mount-again", options.mount_again,
+               "ask for the unit of an interrupted run to be mounted, as if it had been taken off");
   add_run_options(command, request);
 }
 

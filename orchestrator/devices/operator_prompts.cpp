@@ -106,24 +106,31 @@ Result<Mounted> ask(const OperatorTexts& texts, const std::string& unit, int inp
 
 }  // namespace
 
-Result<Mounted> mount_unit(const StationConfig& station, const std::string& unit, const std::string& folder, int input,
-                           std::ostream& out, const std::string& tag) {
+void call_operator(const HookCommands& hooks, HookCall call, const Error& why, std::ostream& out,
+                   const std::string& tag) {
+  call.event = "needs_operator";
+  call.message = why.message;
+  if (const Status status = run_hook(hooks, call); !status) out << tag << status.error().message << std::endl;
+}
+
+Result<Mounted> mount_unit(const StationConfig& station, const HookCall& call, int input, std::ostream& out,
+                           const std::string& tag) {
   const StopSignals signals(FirstInterrupt::pauses);
-  const auto tell_operator = [&](Error error) {
-    const Status hook_status =
-        run_hook(station.hooks, {.event = "needs_operator", .unit = unit, .folder = folder, .message = error.message});
-    if (!hook_status) out << tag << hook_status.error().message << std::endl;
-    return error;
-  };
+  const std::string head = tag + "unit " + call.unit + ": ";
+  std::string why = "nobody to ask: expected a terminal, or hook.mount in the station file";
   if (!station.hooks.mount.empty()) {
-    out << tag << "unit " << unit << ": mounting" << std::endl;
-    const Status mounted = run_hook(station.hooks, {.event = "mount", .unit = unit, .folder = folder, .message = ""},
-                                    station.hooks.mount_time_s, &StopSignals::any);
+    out << head << "mounting" << std::endl;
+    const Status mounted = run_hook(station.hooks, call, station.hooks.mount_time_s, &StopSignals::any);
     if (mounted) return Mounted{};
-    return tell_operator(not_mounted(unit, mounted.error().message));
+    why = mounted.error().message;
+  } else if (::isatty(input) == 1) {
+    if (call.message.empty()) return ask(OperatorTexts::of(station.table.manual.language), call.unit, input, out, tag);
+    out << head << call.message << " (--mount-again asks for it)" << std::endl;
+    return Mounted{};
   }
-  if (::isatty(input) == 1) return ask(OperatorTexts::of(station.table.manual.language), unit, input, out, tag);
-  return tell_operator(not_mounted(unit, "nobody to ask: expected a terminal, or hook.mount in the station file"));
+  const Error error = not_mounted(call.unit, why);
+  call_operator(station.hooks, call, error, out, tag);
+  return error;
 }
 
 }  // namespace turncal

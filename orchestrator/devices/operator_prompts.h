@@ -49,7 +49,7 @@ class OperatorPrompts : public RunObserver {
 // Has a unit of a live batch mounted, by a person or by a hook.
 //
 //   hook.mount is set       it is run (orchestrator/station/child_program.h: TURNCAL_EVENT = mount) for at most hook.mount_time_s; code 0: mounted
-//   input is a terminal     the operator is asked: Enter when it is mounted, `skip REASON`, `quit`
+//   input is a terminal     the operator is asked: Enter when it is mounted, `skip REASON`, `quit`; not of a unit that stays on the table
 //   neither                 hook.needs_operator is called, and the batch ends
 //
 // Anything but "mounted" or "skipped" is an error of kind interrupted that says what to do: the same command goes on with the unit.
@@ -58,8 +58,12 @@ struct Mounted {
   std::optional<std::string> skipped;  // the reason
 };
 
-// `input`: file descriptor of the answers. A request to stop (stop_signals.h) ends the wait.
-Result<Mounted> mount_unit(const StationConfig& station, const std::string& unit, const std::string& folder, int input,
-                           std::ostream& out, const std::string& tag);
+// call: `mount` of the unit; it stays on the table where the message says so. `input`: file descriptor of the answers. A request to stop
+// (stop_signals.h) ends the wait.
+Result<Mounted> mount_unit(const StationConfig& station, const HookCall& call, int input, std::ostream& out,
+                           const std::string& tag);
+// hook.needs_operator of the same unit; why it cannot be called is printed.
+void call_operator(const HookCommands& hooks, HookCall call, const Error& why, std::ostream& out,
+                   const std::string& tag);
 
 }  // namespace turncal

@@ -111,30 +111,6 @@ constexpr double longest_unit_s = 86400;  // a longer interval is a weekend
 constexpr double clock_off_s = 60.0;
 constexpr double silent_after_s = 600.0;
 
-struct Folder {
-  std::string path;
-  std::optional<pid_t> process;
-};
-
-// Returns the run that a process works on, else the one with the newest journal.
-std::optional<Folder> newest_run(const std::string& runs) {
-  std::optional<Folder> newest;
-  fs::file_time_type newest_time;
-  std::error_code error;
-  for (fs::directory_iterator entry(runs, error), end; !error && entry != end; entry.increment(error)) {
-    std::error_code none;
-    const std::string path = entry->path().string();
-    const fs::file_time_type time = fs::last_write_time(path + "/" + journal_name, none);
-    if (none) continue;
-    if (path_exists(path + "/.lock"))
-      if (const std::optional<pid_t> process = lock_holder(path + "/.lock")) return Folder{path, process};
-    if (newest && time <= newest_time) continue;
-    newest = Folder{path, std::nullopt};
-    newest_time = time;
-  }
-  return newest;
-}
-
 // Returns the median interval between the last outcomes: the time for a unit, mounting included.
 std::optional<double> interval_of(const std::vector<UnitOutcome>& outcomes) {
   std::vector<double> times, intervals;
@@ -148,12 +124,13 @@ std::optional<double> interval_of(const std::vector<UnitOutcome>& outcomes) {
   return median(intervals);
 }
 
-// Returns the unit that the batch wants mounted; empty: it waits for none.
+// Returns the unit that the batch wants mounted, and what it says of it; empty: it waits for none.
 std::vector<std::string> unit_to_mount(const std::string& queue) {
   const Result<std::string> text = read_whole_file(mounting_file(queue), 1024);
   std::string_view remaining = text ? std::string_view(*text) : "";
-  const std::string_view unit = next_line(remaining);
-  return unit.empty() ? std::vector<std::string>() : std::vector{std::string(unit)};
+  std::vector<std::string> lines;
+  while (!remaining.empty()) lines.emplace_back(next_line(remaining));
+  return lines;
 }
 
 // Returns whether proc(5) shows the process as stopped, by a debugger or SIGSTOP.
@@ -253,6 +230,24 @@ StationView unreadable(const ServedStation& station, const Error& error) {
 
 }  // namespace
 
+std::optional<RunFolder> newest_run(const std::string& runs) {
+  std::optional<RunFolder> newest;
+  fs::file_time_type newest_time;
+  std::error_code error;
+  for (fs::directory_iterator entry(runs, error), end; !error && entry != end; entry.increment(error)) {
+    std::error_code none;
+    const std::string path = entry->path().string();
+    const fs::file_time_type time = fs::last_write_time(path + "/" + journal_name, none);
+    if (none) continue;
+    if (path_exists(path + "/.lock"))
+      if (const std::optional<pid_t> process = lock_holder(path + "/.lock")) return RunFolder{path, process};
+    if (newest && time <= newest_time) continue;
+    newest = RunFolder{path, std::nullopt};
+    newest_time = time;
+  }
+  return newest;
+}
+
 StationView look_at(const ServedStation& station, double now_utc_s) {
   const Result<std::vector<std::string>> queue = read_queue(station.queue);
   if (!queue) return unreadable(station, queue.error());
@@ -265,7 +260,7 @@ StationView look_at(const ServedStation& station, double now_utc_s) {
   show_queue(*queue, *outcomes, view);
   view.waiting = next_units(*queue, *outcomes, queue->size());
   const std::optional<pid_t> batch = lock_holder(station.queue + ".batch.lock");
-  const std::optional<Folder> run = newest_run(station.runs);
+  const std::optional<RunFolder> run = newest_run(station.runs);
   std::optional<JournalContents> journal;
   if (run) {
     Result<JournalContents> read = read_journal(run->path + "/" + journal_name);
@@ -302,9 +297,9 @@ StationView look_at(const ServedStation& station, double now_utc_s) {
       view.headline = run && run->process ? of_units + ": recorded, results are being computed" : "between two units";
       break;
     case StationState::mounting:
-      view.units = to_mount;
+      view.units = {to_mount.front()};
       view.headline = "waiting for unit " + to_mount.front() + " to be mounted";
-      view.urgent("mount unit " + to_mount.front());
+      view.urgent("mount unit " + join(to_mount, ": "));
       break;
     case StationState::stopped:
       view.headline = left && journal->pause_asked ? of_units + " is paused: " + view.phase

@@ -3,6 +3,7 @@
 #include "tests/orchestrator/queue_outcomes.h"
 
 #include "imu_io/lines/unit_end.h"
+#include "orchestrator/records/journal.h"
 #include "orchestrator/records/unit_queue.h"
 #include "orchestrator/station/child_program.h"
 
@@ -34,23 +35,24 @@ class Mounting : public Batch {
     Batch::SetUp();
     write("queue", "SN1\nSN2\n");
   }
-  ProgramResult live(const std::string& hooks, const std::string& input = "/dev/null") const {
+  ProgramResult live(const std::string& hooks, const std::string& input = "/dev/null",
+                     const Arguments& more = {}) const {
     write("live.station", live_station("table.address = 127.0.0.1:1\n" + hooks));
     const int keep = ::dup(0), given = ::open(input.c_str(), O_RDONLY | O_NOCTTY);
     ::dup2(given, 0);
-    ProgramResult result = run({"batch", "queue", "--out", "units", "--station", "live.station"});
+    ProgramResult result = run(Arguments{"batch", "queue", "--out", "units", "--station", "live.station"} + more);
     ::dup2(keep, 0);
     ::close(keep);
     ::close(given);
     return result;
   }
   // What was typed ahead on a terminal.
-  ProgramResult typed(const std::string& text) const {
+  ProgramResult typed(const std::string& text, const Arguments& more = {}) const {
     Result<Pty> terminal = Pty::create(path("terminal"));
     EXPECT_TRUE(terminal.ok());
     const int other_end = ::open(path("terminal").c_str(), O_RDWR | O_NOCTTY);  // so that it is not lost
     EXPECT_TRUE(terminal->write_all(text, 1.0).ok());
-    const ProgramResult result = live("", path("terminal"));
+    const ProgramResult result = live("", path("terminal"), more);
     ::close(other_end);
     return result;
   }
@@ -105,6 +107,30 @@ TEST_F(Mounting, OperatorMountsSkipsOrQuits) {
   EXPECT_EQ(outcomes(), "SN1=skipped SN2=skipped ");
   ASSERT_EQ(run({"queue", "queue", "--again", "SN1"}).code, 0);
   EXPECT_SAYS(typed("quit\n").err, "unit SN1 is not mounted");
+}
+
+// Its run left it on the table: asked for after a fault, on demand, where it is to be done again, and where another run came after.
+TEST_F(Mounting, AUnitThatStaysOnTheTableIsNotAskedFor) {
+  const auto ends_as = [this](const char* to, const std::string& unit = "SN1") {
+    const std::string file = path("units/" + unit + "/journal.tcj");
+    fs::create_directories(folder_ / "units" / unit);
+    fs::remove(file);
+    Result<JournalFile> journal = JournalFile::create(file, {{"unit", unit}});
+    EXPECT_TRUE(journal && journal->append(JournalType::transition, {{"utc_s", "1"}, {"from", "moving"}, {"to", to}}));
+  };
+  ends_as("interrupted");
+  const std::string stays = "it is still on the table: its run was interrupted";
+  EXPECT_SAYS(typed("quit\n").out, "unit SN1: " + stays);
+  EXPECT_EQ(typed("quit\n", {"--mount-again"}).code, 75);
+  EXPECT_EQ(live("hook.mount = echo \"$TURNCAL_MESSAGE\" > told; exit 1\n").code, 75);
+  EXPECT_EQ(file_text(folder_ / "told"), stays + "\n");
+  write("queue.state", "again 2026-01-31T12:00:00Z SN1\n");
+  EXPECT_EQ(typed("quit\n").code, 75) << "to be done again";
+  fs::remove(folder_ / "queue.state");
+  ends_as("interrupted", "SN2");
+  EXPECT_EQ(typed("quit\n").code, 75) << "another was on the table";
+  ends_as("failed");
+  EXPECT_EQ(typed("quit\n").code, 75) << "after a fault";
 }
 
 Status command(const char* words, double time_s, const char* input) {
