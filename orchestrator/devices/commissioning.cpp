@@ -34,6 +34,7 @@ class Trial {
         settings_(settings),
         stop_requests_(stop_requests),
         buffer_(256),
+        period_s_(info.sample_period_s),
         felt_(info),
         speed_(station.axis, station.clock_speed_up) {}
 
@@ -122,7 +123,7 @@ class Trial {
   }
   Status read_for(double seconds) {
     const double end_s = devices_.clock.now_s() + seconds;
-    while (devices_.clock.now_s() < end_s) {
+    for (bool more = false; more || devices_.clock.now_s() < end_s;) {
       if (stop_requests_.load() > 0) return Error{ErrorKind::aborted, "stopped by the operator"};
       const std::size_t got = TRY(devices_.imu.read(buffer_, std::min(seconds, station_.motion.poll_moving_s)));
       for (const ImuSample& sample : std::span(buffer_).first(got)) {
@@ -134,16 +135,19 @@ class Trial {
         sums_.gyro += Eigen::Vector3d::Map(sample.gyro.data());
         sums_.accel += Eigen::Vector3d::Map(sample.accel.data());
       }
+      if (got > 0) zero_s_ = std::min(zero_s_, devices_.clock.now_s() - unit_s());
+      more = got == buffer_.size();  // a late host finds many
     }
     return {};
   }
-  // Reads the unit for rest_s while no axis is sent, and checks that none turns.
+  // Reads the unit for rest_s of its own counter while no axis is sent, and checks that none turns. All earlier samples have then arrived,
+  // however late the host is.
   Status rest() {
     const TableStatus now = TRY(read_table());
     hold(now, std::nullopt);
-    const double end_s = devices_.clock.now_s() + settings_.rest_s, samples = sums_.samples;
+    const double end_s = devices_.clock.now_s() + settings_.rest_s;
     return wait_until(settings_.rest_s + station_.imu_timeout_s, "no samples from the unit",
-                      [&](const TableStatus&) { return devices_.clock.now_s() >= end_s && sums_.samples > samples; });
+                      [&](const TableStatus&) { return last_counter_ && zero_s_ + unit_s() >= end_s; });
   }
   // From now on every axis must stay where it was read, except the one that is sent.
   void hold(const TableStatus& axes, const std::optional<Move>& sent) {
@@ -212,6 +216,7 @@ class Trial {
                     felt_degps && !slow ? "as the unit felt it" : "by its positions"),
         factor);
   }
+  double unit_s() const { return double(last_counter_.value_or(0)) * period_s_; }
   Result<double> position(Axis axis) { return TRY(devices_.table.status(axis)).position_deg; }
   bool is_at(const AxisStatus& axis, double deg) const {
     return std::abs(axis.position_deg - deg) <= station_.motion.position_tolerance_deg;
@@ -238,34 +243,44 @@ class Trial {
   }
   // Moves the axis, and rests.
   Status move(Axis axis, double to_deg, double rate_degps) {
-    const double began_s = devices_.clock.now_s();
     const Sent sent = TRY(send(axis, to_deg, rate_degps));
-    RateCheck rate(sent.from, std::abs(to_deg - sent.from.position_deg) / rate_degps);
-    AxisStatus last = sent.from;
-    double turned_until_s = began_s;
+    // Times are those of the unit's counter, read after each reading: host and table can be late.
+    AxisStatus last = sent.from, read = sent.from;
+    const double sent_s = read.time_s = unit_s();
+    double turned_until_s = sent_s;
+    bool turned = false;
+    RateCheck rate(read, std::abs(to_deg - read.position_deg) / rate_degps);
+    const auto follow = [&] {
+      read.time_s = unit_s();
+      if (turned) turned_until_s = read.time_s;
+      rate.add(read);
+    };
     const std::string late_text = std::string(to_string(axis)) + " did not arrive in time";
     const Status arrived = wait_until(sent.seconds, late_text, [&](const TableStatus& axes) {
       const AxisStatus& a = axes[index(axis)];
-      rate.add(a);
-      if (!is_at(a, last.position_deg)) turned_until_s = devices_.clock.now_s();
-      if (!is_at(a, last.position_deg) || is_at(a, to_deg)) last = a;
+      follow();
+      read = a;
+      turned = !is_at(a, last.position_deg);
+      if (turned || is_at(a, to_deg)) last = a;
       return !a.moving && a.in_position && is_at(a, to_deg);
     });
-    const double waited_s = devices_.clock.now_s() - began_s;
-    if (arrived) TRY(rest());  // samples of the move may still be on their way
-    const bool late = !arrived && waited_s > sent.seconds;
+    if (arrived) {
+      TRY(read_for(station_.motion.poll_moving_s));
+      follow();
+      TRY(rest());
+    }
+    const bool late = !arrived && arrived.error().message == late_text;
     const Result<double> at_deg = arrived || late ? position(axis) : Result<double>(arrived.error());
     if (!at_deg) return arrived ? at_deg.error() : arrived.error();
     if (late && is_at(last, to_deg))
       return input_error(
           "{}: it has stood at its target for {:.3g} s, and {}: expected {} as the table's manual has it", late_text,
-          devices_.clock.now_s() - turned_until_s,
-          last.moving ? "still says that it moves" : "in_position was never set",
+          unit_s() - turned_until_s, last.moving ? "still says that it moves" : "in_position was never set",
           bit_text(last.moving ? "moving" : "in_position"));
     if (late && is_at(last, sent.from.position_deg))
       return input_error("{}: it did not turn: expected a move, and in it what enables the drive, as the manual has it",
                          late_text);
-    if (const Status fits = judge_rate(sent.move, sent.from.position_deg, *at_deg, turned_until_s - began_s); !fits)
+    if (const Status fits = judge_rate(sent.move, sent.from.position_deg, *at_deg, turned_until_s - sent_s); !fits)
       return late ? Error{fits.error().kind, arrived.error().message + ": " + fits.error().message} : fits.error();
     if (!arrived) return arrived;
     unjudged_s_[axis] = std::min(unjudged_s_[axis], TRY(rate.judge(axis, settings_.rate_tolerance)));
@@ -287,6 +302,8 @@ class Trial {
   };
   Sums sums_;
   std::optional<std::int64_t> last_counter_;
+  double period_s_;
+  double zero_s_ = 1e300;               // host time of counter 0, from the sample with the least delay
   std::optional<AxisTriple> held_deg_;  // none while homing, when any axis may turn
   HomingWatch homing_{station_.axis};
   FeltRate felt_;
@@ -339,9 +356,7 @@ Status try_turns(Trial& trial, const CommissioningSettings& settings, IncrementK
 
 Status try_poses(Trial& trial, const RecordingInfo& info, double gravity_mps2, const CommissioningSettings& settings,
                  std::ostream& out) {
-  DirectionLimits limits;
-  limits.direction_deg = settings.direction_deg;
-  limits.force_tolerance = settings.force_tolerance;
+  DirectionLimits limits{.direction_deg = settings.direction_deg, .force_tolerance = settings.force_tolerance};
   const double weight_mps =
       info.accel_increment == IncrementKind::pulses ? info.accel_pulse_mps : 1.0;  // per increment
   const std::pair<std::optional<Axis>, const char*> poses[] = {

@@ -11,7 +11,8 @@
 // sign and scale. This is coarse for the accelerometers, whose pulse weight and biases a calibration finds; 0.5 % for the gyros is what an
 // encoder of some arc minutes and a turn of 5 degrees allow.
 //
-// While an axis turns, its status must show it, and its rate must agree with its position.
+// While an axis turns, its status must show it, and its rate must agree with its position. The clock is the unit's counter: the samples decide when a
+// rest has lasted and a turn is complete, however late the host is. A reading has the time of the last sample before the next reading.
 //
 // Every wait has a deadline and ends at the operator's stop, and at the first poll in which an axis turns that was not sent
 // (orchestrator/run/motion_watch.h). The caller makes sure that the table is left at rest, whatever happens.
