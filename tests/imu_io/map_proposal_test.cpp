@@ -149,9 +149,11 @@ TEST(MapProposal, UnitsAreSeenOrInDoubt) {
   std::string stamped, split;
   for (std::string_view left = rows; !left.empty();) {
     const std::string_view line = next_line(left);
+    const std::string time(line.substr(0, line.find(','))), cells(line.substr(line.find(',')));
     split += split.empty() ? "stamp.nsecs,stamp.secs" : fmt::format("{}000000,170000000{}", line.substr(2, 3), line[0]);
-    split += std::string(line.substr(line.find(','))) + "\n";
-    stamped += (stamped.empty() ? "when" : "2026-01-01 00:00:0") + std::string(line.substr(stamped.empty())) + "\n";
+    split += cells + "\n";
+    const std::string abroad = "2026-01-01T02:00:0" + time + "+02:00", here = "2026-01-01 00:00:0" + time;
+    stamped += (stamped.empty() ? "when" : line.size() % 2 == 0 ? abroad : here) + cells + "\n";
   }
   EXPECT_SAYS(propose(folder / "dead.csv")->text, "# In doubt: gyro.columns: 'gz' is 0 throughout");
   std::ofstream(folder / "stamped.csv") << stamped;

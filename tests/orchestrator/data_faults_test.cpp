@@ -134,6 +134,12 @@ TEST(DataFaults, AChannelThatDoesNotLiveIsNamed) {
   EXPECT_EQ(Changed(recorded()).loaded.dead_channel, "");
 }
 
+TEST(DataFaults, ARecordingOfFlaggedSamplesAloneIsRefused) {
+  Recorded r = recorded();
+  for (ImuSample& sample : r.samples) sample.flags |= sample_flag_invalid;
+  EXPECT_TRUE(fails(calibrate_recording(Changed(r).loaded, {}), "does not determine N01 N02 N03 A01"));
+}
+
 TEST(DataFaults, ATemperatureThatCannotBeIsNotUsed) {
   Recorded r = recorded();
   const Result<CalibrationOutput> plain = calibrate_recording(Changed(r).loaded, {});
@@ -178,10 +184,7 @@ TEST(DataFaults, UnitsThatAreWrongAreNamed) {
 // Homing 2 s; align 2 to 7 s, move to 17 s, dwell to 27 s (rig_station.h).
 TEST(DataFaults, ASpikeRepeatsTheDwellOrTheMove) {
   for (const bool in_dwell : {true, false}) {
-    RigFault fault;
-    fault.kind = RigFaultKind::gyro_glitch;
-    fault.sample = in_dwell ? 4400 : 2400;
-    fault.axis = 1;
+    RigFault fault{.kind = RigFaultKind::gyro_glitch, .sample = in_dwell ? 4400 : 2400, .axis = 1};
     fault.size = 9e6;  // mrad: 2e9 pulses
     RigStation s(two_steps_text, rig_with({fault}));
     const RunOutcome outcome = ended(s.run(), RunState::done);

@@ -116,6 +116,7 @@ TEST_F(TableProgram, CommissionEndsSafelyWhateverEndsIt) {
     EXPECT_EQ(result.code, row.code) << result.err;
     EXPECT_EQ(result.err_lines(), 1) << result.err;
     EXPECT_TRUE(result.err.starts_with("turncal: ")) << result.err;
+    EXPECT_TRUE(result.out.starts_with("level drives at 127.0.0.1:")) << "what stands there: " << result.out;
     for (const char* words : row.says) EXPECT_SAYS(result.err, words);
     EXPECT_EQ(drives.all_off(), drives.refuses_off == 0);
     EXPECT_LT(drives.drive(3).position, 10'000.0) << "10 deg at 10 deg/s, where a poll takes 0.1 s";

@@ -32,5 +32,13 @@ TEST_F(Apply, TakesEffectsOff) {
   EXPECT_NEAR(with, 0.0, 4.0);
 }
 
+TEST_F(Apply, SaysThatParametersAreNotTrusted) {
+  record("rec", std::string(without_noise), "step 1\n  initial H 30 P 0 R 0\n  align 1000\n  dwell 1000\n");
+  ParameterFile file = truth_of("rec");
+  describe_trust("it fell", file);
+  keep(file, "fell.conf");
+  EXPECT_SAYS(ends("apply rec --parameters fell.conf --out fell.csv", 0).err, "fell.conf: not trusted: it fell\n");
+}
+
 }  // namespace
 }  // namespace turncal
