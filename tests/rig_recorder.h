@@ -103,10 +103,8 @@ inline RigRecording record_on_rig(const Sequence& sequence, RigConfig config, co
   Rig rig(config);
   const RecordingInfo info = rig_recording_info(rig);
 
-  PlanLimits limits;
-  limits.settle_s = 0.5;
-  limits.sample_period_s = info.sample_period_s;
-  const Plan plan = make_plan(sequence, limits);  // soft limits do not matter here
+  // Soft limits do not matter here.
+  const Plan plan = make_plan(sequence, {.settle_s = 0.5, .sample_period_s = info.sample_period_s});
 
   Compressor compressor(info);
   std::vector<ImuSample> chunk(2048);

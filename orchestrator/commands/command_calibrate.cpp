@@ -96,14 +96,11 @@ Status calibrate(const CalibrateOptions& options, CommandContext& context) {
 }
 
 struct DiagnoseOptions {
-  std::vector<std::string> recordings;
-  std::vector<std::string> holdouts;
+  std::vector<std::string> recordings, holdouts;
   std::string out, residuals, format;
   bool verbose = false;
-  std::optional<double> arw_deg_per_rt_h;
-  std::optional<double> vrw_ug_per_rt_hz;
-  double gyro_bias_instability_degph = 0.0;
-  double accel_bias_instability_ug = 0.0;
+  std::optional<double> arw_deg_per_rt_h, vrw_ug_per_rt_hz;
+  double gyro_bias_instability_degph = 0.0, accel_bias_instability_ug = 0.0;
 };
 
 Result<std::vector<LoadedRecording>> load(const std::vector<std::string>& paths, Phases& phases) {
@@ -262,10 +259,8 @@ Status diagnose(const FleetCommandOptions& options, CommandContext& context) {
   for (const std::string& factor : options.by)
     if (!given.insert(factor).second) return input_error("--by " + factor + ": is given twice");
   const FleetSource source = TRY(read_fleet(options.from, options.by));
-  FleetOptions wanted;
-  wanted.factors = options.by;
-  wanted.summary = !options.page.empty();
-  const FleetDiagnosis diagnosis = diagnose_fleet(source.members, wanted);
+  const FleetDiagnosis diagnosis =
+      diagnose_fleet(source.members, {.factors = options.by, .summary = !options.page.empty()});
   const Document document = fleet_document(diagnosis, source, options.by);
   if (!options.page.empty()) {
     TRY(check_replaceable(options.page, "<!DOCTYPE html>"));

@@ -277,10 +277,9 @@ class Designer {
   }
 
   std::string text_of(const Walk& walk, double time_s, const std::string& bound = {}) const {
-    WalkHeader header;
-    header.name = name_of(options_.out);
-    header.comments = {std::string(first_words).substr(2) + " for " + format_number(std::round(time_s)) +
-                       " s: see docs/sequences.md."};
+    WalkHeader header{.name = name_of(options_.out),
+                      .comments = {std::string(first_words).substr(2) + " for " + format_number(std::round(time_s)) +
+                                   " s: see docs/sequences.md."}};
     if (!bound.empty()) header.comments.push_back(bound + ".");
     header.rate_degps = task_.rates_degps.front();
     header.acceleration_degps2 = task_.acceleration_degps2;

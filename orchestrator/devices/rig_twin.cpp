@@ -60,12 +60,6 @@ class GuardedImu : public FrontImu {
   Increment gyro_, accel_;
 };
 
-// Gives the rig an absolute encoder when the table homes by one.
-RigConfig as_the_table(RigConfig rig, const StationConfig& station) {
-  if (station.table.map && station.table.map->home_by_encoder) rig.table.absolute_encoder = true;
-  return rig;
-}
-
 std::string port_of(const std::string& address) { return address.substr(address.rfind(':') + 1); }
 
 }  // namespace
@@ -104,12 +98,14 @@ Status RigTwin::open_chamber(const ChamberDescription& described) {
   return link.tcp ? chamber_server_->listen_tcp(port.value_or(0)) : chamber_server_->open_pty(link.address);
 }
 
-Result<std::unique_ptr<RigTwin>> RigTwin::open(const StationConfig& station, const RigConfig& rig,
+Result<std::unique_ptr<RigTwin>> RigTwin::open(const StationConfig& station, RigConfig rig,
                                                const TwinSettings& settings) {
   if (!station.table.described())
     return input_error("station '" + station.name + "': a twin needs table.driver = modbus or serial");
   if (!station.imu) return input_error("station '" + station.name + "': a twin needs imu.driver = serial");
-  std::unique_ptr<RigTwin> twin(new RigTwin(as_the_table(rig, station), station.imu_places()));
+  // A table that knows its zero is a rig that does.
+  rig.table.absolute_encoder |= station.table.map && station.table.map->home_by_encoder;
+  std::unique_ptr<RigTwin> twin(new RigTwin(rig, station.imu_places()));
   TRY(twin->open_table(station, settings));
   if (station.chamber && station.chamber->described.language != ChamberDescription::Language::rig)
     TRY(twin->open_chamber(station.chamber->described));

@@ -30,7 +30,7 @@ struct TwinSettings {
 class RigTwin {
  public:
   // Opens table and unit lines. Errors: kind input for a station that no twin can replace, device for a line that cannot be opened.
-  static Result<std::unique_ptr<RigTwin>> open(const StationConfig& station, const RigConfig& rig,
+  static Result<std::unique_ptr<RigTwin>> open(const StationConfig& station, RigConfig rig,
                                                const TwinSettings& settings);
   ~RigTwin();
   RigTwin(const RigTwin&) = delete;

@@ -67,12 +67,6 @@ void name_colours(std::string& text) {
     replace_all(text, reference, "");
 }
 
-// Replaces gnuplot's scripted texts under the pointer by titles, which need no script.
-void show_titles(std::string& text) {
-  replace_all(text, "<g onmousemove=\"gnuplot_svg.showHypertext(evt,'", "<g><title>");
-  replace_all(text, "')\" onmouseout=\"gnuplot_svg.hideHypertext()\">", "</title>");
-}
-
 // Returns a drawing for an HTML page: the <svg> element with ids made unique by `id`, `label` (plain text) for readers that cannot see it,
 // and `width` as in CSS ("50%").
 std::string embeddable_svg(std::string_view svg, std::string_view id, std::string_view label, std::string_view width) {
@@ -82,7 +76,9 @@ std::string embeddable_svg(std::string_view svg, std::string_view id, std::strin
   remove_all(text, " id=\"gnuplot_canvas", "\"");
   remove_all(text, "<title>", "</title>");
   remove_all(text, "<desc>", "</desc>");
-  show_titles(text);
+  // Texts that gnuplot shows under the pointer by a script become titles, which need none.
+  replace_all(text, "<g onmousemove=\"gnuplot_svg.showHypertext(evt,'", "<g><title>");
+  replace_all(text, "')\" onmouseout=\"gnuplot_svg.hideHypertext()\">", "</title>");
   remove_all(text, " font-family=\"", "\"");
   name_colours(text);
   const std::string prefix(id);

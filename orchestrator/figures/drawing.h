@@ -36,31 +36,31 @@ enum class Colour { before, after, x, y, z, neutral };
 
 struct Series {
   enum class Style { line, dashed, open_circle, dot, triangle, square };
-  std::string label;  // in the legend; empty: none
+  std::string label = {};  // in the legend; empty: none
   Style style = Style::line;
   Colour colour = Colour::before;
-  std::vector<std::pair<double, double>> points;  // NaN in either breaks a line
-  std::vector<std::string> names = {};            // shown when the pointer is on a point; empty: its x
+  std::vector<std::pair<double, double>> points = {};  // NaN in either breaks a line
+  std::vector<std::string> names = {};                 // shown when the pointer is on a point; empty: its x
 };
 
 struct Panel {
-  std::string title;
-  std::string x_label, y_label;  // with unit
-  std::vector<Series> series;
+  std::string title = {};
+  std::string x_label = {}, y_label = {};  // with unit
+  std::vector<Series> series = {};
   bool logarithmic = false;  // both axes
   bool angle = false;        // x in degrees: ticks at 30, 45, 90, ...
   double y_limit = 0.0;      // above 0: the frame ends at +- this value
   bool whole_frame = false;  // the frame always has that size, to compare panels
   // Thin lines at x with a short name at the top where there is room.
-  std::vector<std::pair<double, std::string>> marks;
+  std::vector<std::pair<double, std::string>> marks = {};
   bool named_x = false;  // no lines: the names replace the numbers below the axis
   bool empty() const;    // nothing to draw
 };
 
 struct Figure {
-  std::string id;       // letters and digits
-  std::string label;    // text alternative: what it shows
-  std::string caption;  // below it
+  std::string id = {};       // letters and digits
+  std::string label = {};    // text alternative: what it shows
+  std::string caption = {};  // below it
   int columns = 1;
   bool stacked = false;                       // panels above one another with one x axis
   int panel_width = 960, panel_height = 200;  // of one panel, in px of the page

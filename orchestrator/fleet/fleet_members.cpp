@@ -369,11 +369,7 @@ Figure figure_of(const FleetEffect& effect, const FleetSource& source, const std
   const double limit = 1.3 * sizes[sizes.size() * 98 / 100];
   for (std::size_t l = 0; l < std::min(points.size(), most_levels); ++l) {
     const bool here = effect.factor.empty() || d.levels[f][l] == effect.level;
-    Panel panel;
-    panel.title = factors[f] + " " + d.levels[f][l];
-    panel.x_label = "day";
-    panel.y_limit = limit;
-    panel.whole_frame = true;
+    Panel panel{.title = factors[f] + " " + d.levels[f][l], .x_label = "day", .y_limit = limit, .whole_frame = true};
     panel.series.push_back({"", Series::Style::dot, here ? Colour::before : Colour::after, points[l]});
     if (here) {
       const double begin = effect.shape == FleetShape::constant ? 0.0 : effect.begin_day;

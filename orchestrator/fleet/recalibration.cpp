@@ -154,25 +154,17 @@ struct Work {
   std::optional<Error> storage;  // error of the store, not of the recording
 };
 
-void add_record(const ArchiveEntry& entry, ParameterFile& file) {
-  for (const auto& [key, value] : whole_record(entry))
-    if (!find_further(file, "record." + key)) file.add_further("record." + key, value);
-}
-
 // Returns the results of a recording as files of its folder: names, not paths.
 Result<std::vector<NamedText>> files_of(const ArchiveEntry& entry, const LoadedRecording& recording,
                                         const RecalibrationRequest& request) {
-  CalibrationRequest wanted;
-  wanted.time_utc = request.time_utc;
-  wanted.test_fit = !request.diagnose;
-  CalibrationOutput output = TRY(calibrate_recording(recording, wanted));
+  CalibrationOutput output =
+      TRY(calibrate_recording(recording, {.time_utc = request.time_utc, .test_fit = !request.diagnose}));
   std::vector<NamedText> files;
-  add_record(entry, output.file);
+  for (const auto& [key, value] : whole_record(entry))
+    if (!find_further(output.file, "record." + key)) output.file.add_further("record." + key, value);
   add_measured_utc(recording.data.info, output.file);
   if (request.diagnose) {
-    DiagnosisRequest diagnosis;
-    diagnosis.time_utc = request.time_utc;
-    diagnosis.base = output.fit ? &*output.fit : nullptr;
+    DiagnosisRequest diagnosis{.time_utc = request.time_utc, .base = output.fit ? &*output.fit : nullptr};
     const DiagnosisOutput found = TRY(diagnose_recordings({&recording, 1}, diagnosis));
     files.push_back({diagnosis_name, found.files.conf});
     if (const std::string why = found.diagnosis.why_base_not_trusted(); !why.empty()) describe_trust(why, output.file);
@@ -510,9 +502,7 @@ std::string verdict_of(const std::string& folder) {
 }  // namespace
 
 Result<VersionChanges> compare_versions(const std::string& store, const std::string& from, const std::string& to) {
-  VersionChanges changes;
-  changes.from = from;
-  changes.to = to;
+  VersionChanges changes{.from = from, .to = to};
   const std::string old_root = store + "/" + from + "/", new_root = store + "/" + to + "/";
   const std::set<std::string> olds = TRY(recordings_of(old_root));
   const std::set<std::string> news = TRY(recordings_of(new_root));

@@ -83,11 +83,11 @@ struct ParameterChange {
 };
 
 struct VersionChanges {
-  std::string from, to;
+  std::string from = {}, to = {};
   std::size_t both = 0, only_from = 0, only_to = 0;  // recordings
-  std::vector<ParameterChange> parameters;
+  std::vector<ParameterChange> parameters = {};
   // Verdicts of the diagnosis, or `failed`: (old, new) -> recordings.
-  std::map<std::pair<std::string, std::string>, std::size_t> verdicts;
+  std::map<std::pair<std::string, std::string>, std::size_t> verdicts = {};
 };
 
 Result<VersionChanges> compare_versions(const std::string& store, const std::string& from, const std::string& to);

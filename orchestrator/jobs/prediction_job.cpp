@@ -60,9 +60,7 @@ Status check_site(const PlannedSite& site) {
 Result<PlannedUnit> planned_unit(const PlannedSite& site) {
   const StationConfig station = TRY(read_station_config(site.station));
   RigConfig rig = TRY(rig_of(station));
-  PlannedUnit unit;
-  unit.station = station;
-  unit.info = planned_info(station, &rig);
+  PlannedUnit unit{.station = station, .info = planned_info(station, &rig)};
   if (site.latitude_deg) unit.info.latitude_deg = *site.latitude_deg;
   if (site.gravity_mps2) unit.info.gravity_mps2 = *site.gravity_mps2;
   unit.info.simulated = true;

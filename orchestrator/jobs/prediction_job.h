@@ -27,9 +27,9 @@ Status check_site(const PlannedSite& site);
 
 // The unit that the station's IMU driver would deliver.
 struct PlannedUnit {
-  StationConfig station;
-  RecordingInfo info;
-  Parameters parameters;
+  StationConfig station = {};
+  RecordingInfo info = {};
+  Parameters parameters = {};
 };
 Result<PlannedUnit> planned_unit(const PlannedSite& site);
 NoiseModel noise_model(const PlannedSite& site);  // without options: a good laser-gyro unit

@@ -99,9 +99,8 @@ Result<LegFile> read_leg(const std::string& path, int number, const ThermalReque
   const bool has_recording = !is_file && recognise_file(path) == FileKind::recording;
   std::string why;
   if (is_file || (is_folder && path_exists(leg.path))) {
-    const Result<std::string> text = read_whole_file(leg.path);
-    if (!text) return text.error();
-    leg.file = TRY(parse_parameter_file(*text, leg.path));
+    const std::string text = TRY(read_whole_file(leg.path));
+    leg.file = TRY(parse_parameter_file(text, leg.path));
     const StoredCovariance stored = TRY(stored_covariance(leg.file, leg.path));
     if (stored.source == std::string_view("covariance"))
       TRY(take_covariance(stored, leg));

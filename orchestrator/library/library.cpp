@@ -236,9 +236,7 @@ Calibration calibrate(std::span<const Recording> recordings, const CalibrateOpti
 Diagnosis diagnose(std::span<const Recording> recordings, const DiagnoseOptions& options) {
   if (recordings.empty()) raise(input_error("recordings: expected at least one"));
   const std::vector<LoadedRecording> fitted = load_all(recordings), holdouts = load_all(options.holdouts);
-  DiagnosisRequest request;
-  request.time_utc = time_or_now(options.time_utc);
-  request.holdouts = holdouts;
+  DiagnosisRequest request{.time_utc = time_or_now(options.time_utc), .holdouts = holdouts};
   const Recording& navigated = options.holdouts.empty() ? recordings.front() : options.holdouts.front();
   if (navigated.content().is_file) request.samples = navigated.content().name;
   DiagnosisOutput output = value(diagnose_recordings(fitted, request));

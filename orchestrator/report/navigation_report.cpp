@@ -46,9 +46,7 @@ std::string drift_words(const DriftOverRuns& drift) {
 Series series_of(const std::string& label, Colour colour, const FreeNavigation& navigation,
                  double (*value)(const TrackPoint&)) {
   constexpr std::size_t most_points = 900;
-  Series series;
-  series.label = label;
-  series.colour = colour;
+  Series series{.label = label, .colour = colour};
   series.points.reserve(navigation.track.size());
   for (const TrackPoint& point : navigation.track) series.points.emplace_back(point.time_s / 60.0, value(point));
   series.points = outline(series.points, most_points);

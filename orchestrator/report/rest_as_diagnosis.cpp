@@ -164,9 +164,7 @@ std::vector<DwellResidual> rest_residuals(const RestDiagnosis& r, const RestData
 
 Figure rest_time_figure(const RestDiagnosis& r, const RestData& data) {
   const BothRows rows = both_rows(r, data);
-  Figure figure;
-  figure.id = "time";
-  figure.label = "Errors of gravity's direction and norm and of the gyros at rest, against time";
+  Figure figure{.id = "time", .label = "Errors of gravity's direction and norm and of the gyros at rest, against time"};
   figure.caption =
       "One point a rest. Direction: the angle between gravity as the rotation before the rest predicts it and as the "
       "accelerometers see it. Gyros: length of the rate vector that is left at rest.";

@@ -135,11 +135,10 @@ Figure angle_figure(const VerificationReport& report) {
         readings.points.emplace_back(++x, error);
         for (const double end : {error - sigma, error + sigma, no_point}) bars.points.emplace_back(x, end);
       }
-    Panel panel;
-    panel.title = std::string(north_angle_names[a]) + (a == 0 ? " minus the table's" : " minus its mean");
-    panel.x_label = "alignment";
-    panel.y_label = "difference, °";
-    panel.series = {readings, bars};
+    Panel panel{.title = std::string(north_angle_names[a]) + (a == 0 ? " minus the table's" : " minus its mean"),
+                .x_label = "alignment",
+                .y_label = "difference, °",
+                .series = {readings, bars}};
     for (const double limit : {-limit_deg, limit_deg})
       panel.series.push_back({"limit of the standard deviation in a position",
                               Series::Style::dashed,

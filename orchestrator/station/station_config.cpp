@@ -365,10 +365,7 @@ Result<StationConfig> parse_station_config(const std::string& text, const std::s
 }
 
 PlanLimits plan_limits(const StationConfig& station, double sample_period_s) {
-  PlanLimits limits;
-  limits.axis = station.axis;
-  limits.settle_s = station.motion.settle_s;
-  limits.sample_period_s = sample_period_s;
+  PlanLimits limits{.axis = station.axis, .settle_s = station.motion.settle_s, .sample_period_s = sample_period_s};
   return limits;
 }
 

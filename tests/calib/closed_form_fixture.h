@@ -68,10 +68,7 @@ inline ClosedFormResult calibrated(const CompressedRecording& recording, const C
 }
 
 inline ClosedFormOptions passes(int count) {
-  ClosedFormOptions options;
-  options.max_passes = count;
-  options.tolerance = {};  // never enough
-  return options;
+  return {.max_passes = count, .tolerance = {}};  // never enough
 }
 
 }  // namespace turncal

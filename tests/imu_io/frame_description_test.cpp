@@ -58,10 +58,7 @@ TEST(FrameDescription, AnUnknownNameShowsTheKnownOnes) {
 using namespace test;  // NOLINT
 
 TEST(FrameForms, SignAndMagnitude) {
-  FieldForm form;
-  form.type = NumberType::sign_magnitude;
-  form.bytes = 2;
-  form.big_endian = true;
+  FieldForm form{.type = NumberType::sign_magnitude, .bytes = 2, .big_endian = true};
   const FrameField field(0, form);
   const std::pair<const char*, double> cases[] = {{"0005", 5.0},      {"8005", -5.0}, {"7FFF", 32767.0},
                                                   {"FFFF", -32767.0}, {"0000", 0.0},  {"8000", 0.0}};

@@ -17,9 +17,7 @@ namespace turncal {
 namespace {
 
 SerialSettings on(const Pty& pty, std::uint32_t baud = 115200) {
-  SerialSettings settings;
-  settings.device = pty.device();
-  settings.baud = baud;
+  SerialSettings settings{.device = pty.device(), .baud = baud};
   return settings;
 }
 

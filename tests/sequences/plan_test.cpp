@@ -160,12 +160,7 @@ Walk example() {
   return walk;
 }
 
-WalkHeader walk_header() {
-  WalkHeader walk_header;
-  walk_header.name = "example";
-  walk_header.comments = {"made for a test"};
-  return walk_header;
-}
+WalkHeader walk_header() { return {.name = "example", .comments = {"made for a test"}}; }
 
 TEST(Walk, TheSequenceMakesTheSameTurnsAndRests) {
   const Walk walk = example();

@@ -58,9 +58,7 @@ ExpectedDrift predict_it(const Sequence& sequence, double free_s) {
   PredictOptions options;
   options.noise.angle_random_walk.setConstant(rig.config().noise.gyro_random_walk_deg_per_rt_h * radprs_per_degprh);
   options.noise.velocity_random_walk.setConstant(rig.config().noise.accel_random_walk_ug_per_rt_hz * mpsprs_per_ugprHz);
-  PlanLimits limits;
-  limits.settle_s = 0.5;
-  limits.sample_period_s = info.sample_period_s;
+  const PlanLimits limits{.settle_s = 0.5, .sample_period_s = info.sample_period_s};
   const Prediction prediction = predict(info, planned_motion(sequence, make_plan(sequence, limits)), options);
   return predicted_drift(info, prediction, options, {.align_s = align_s, .free_s = free_s});
 }

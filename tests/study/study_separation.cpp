@@ -62,10 +62,7 @@ int study(const std::string& key, double value, std::uint64_t seed) {
   task.tries = 600;
   task.start = walk_of(sequence);
   const ExtraLegs legs = must(find_extra_legs(&separation, task, [](double) {}));
-  WalkHeader header;
-  header.name = "extra";
-  header.rate_degps = 10.0;
-  const std::string text = sequence_text(legs.walk, header);
+  const std::string text = sequence_text(legs.walk, {.name = "extra", .comments = {}});
   const Sequence extra = must(parse_sequence(text, "extra.seq"));
   config.noise_seed = 200 + seed;
   const RigRecording second = record_on_rig(extra, config);

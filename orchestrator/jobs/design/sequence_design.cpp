@@ -183,10 +183,7 @@ class Search {
   std::optional<double> judge(const Walk& shared) {
     const std::optional<Walk> walk = timed(shared, judged_period_s);
     if (!walk) return std::nullopt;
-    WalkHeader header;
-    header.name = "walk";
-    header.rate_degps = task_.rates_degps.front();
-    header.acceleration_degps2 = task_.acceleration_degps2;
+    const WalkHeader header{"walk", {}, task_.rates_degps.front(), task_.acceleration_degps2};
     const Result<Sequence> sequence = parse_sequence(sequence_text(*walk, header), "walk");
     if (!sequence) return std::nullopt;  // cumulative angles beyond the grammar's limits
     PlanLimits limits = task_.limits;
@@ -373,9 +370,7 @@ std::optional<Settling> find_settling(const SettlingTask& task) {
       if (doubt) found.why_not += ": 2 ln L " + significant(gain, 2) + " is expected, and 10 tells";
       return found;
     }
-    WalkHeader header;
-    header.name = "settling";
-    header.comments = {"to settle: " + found.doubt};
+    WalkHeader header{.name = "settling", .comments = {"to settle: " + found.doubt}};
     header.rate_degps =
         std::min(10.0, std::ranges::min(design.limits.axis, {}, &AxisLimits::max_rate_degps).max_rate_degps);
     header.acceleration_degps2 = design.acceleration_degps2;

@@ -36,11 +36,11 @@ Result<NorthReading> reading_of(std::span<const MotionInterval> dwell, double ta
   Alignment alignment = TRY(align(dwell, site, DriftCovariance(site, noise, counts)));
   const Eigen::Quaterniond& q = alignment.state.q_nb;
   const AttitudeAngles angles = angles_of(q);
-  NorthReading reading;
-  reading.table_deg = table_deg;
-  reading.angle_deg = {angles.heading_rad / rad_per_deg, angles.roll_rad / rad_per_deg, angles.pitch_rad / rad_per_deg};
-  reading.noise_sigma_deg = angle_sigmas_deg(alignment.drift.noise_covariance(), q, noise.gyro_pulse_rad);
-  reading.total_sigma_deg = angle_sigmas_deg(alignment.drift.covariance(parameters), q, noise.gyro_pulse_rad);
+  NorthReading reading{
+      .table_deg = table_deg,
+      .angle_deg = {angles.heading_rad / rad_per_deg, angles.roll_rad / rad_per_deg, angles.pitch_rad / rad_per_deg},
+      .noise_sigma_deg = angle_sigmas_deg(alignment.drift.noise_covariance(), q, noise.gyro_pulse_rad),
+      .total_sigma_deg = angle_sigmas_deg(alignment.drift.covariance(parameters), q, noise.gyro_pulse_rad)};
   return reading;
 }
 
@@ -221,11 +221,7 @@ Result<ReferenceReport> verify_references(const std::string& csv, const std::arr
         if (!(std::abs(value) <= 360.0))
           return input_error(csv + ":" + std::to_string(table.line[row]) + ": expected angles from -360 to 360 deg");
     }
-  ReferenceReport report;
-  report.file = csv;
-  report.found = compare_references(rows);
-  report.limit_deg = limit_deg;
-  report.pass = true;
+  ReferenceReport report{.file = csv, .found = compare_references(rows), .limit_deg = limit_deg, .pass = true};
   for (std::size_t a = 0; a < 3; ++a)
     report.pass = report.pass && report.found.worst_deg[a] <= report.limit_deg[a] + of_rounding_deg;
   return report;

@@ -121,10 +121,7 @@ PlannedMotion planned(const std::string& legs) {
                           "initial H 0 P 0 R 0\n  align 6000\n" +
                               legs,
                           "legs"));
-  PlanLimits limits;
-  limits.settle_s = 0.5;
-  limits.sample_period_s = 0.05;
-  return planned_motion(sequence, make_plan(sequence, limits));
+  return planned_motion(sequence, make_plan(sequence, {.settle_s = 0.5, .sample_period_s = 0.05}));
 }
 
 double worst(const std::vector<AliasPair>& pairs) {

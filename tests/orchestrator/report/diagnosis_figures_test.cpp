@@ -142,9 +142,7 @@ TEST(TimeFigure, ItsAxesSayWhereTheStepsBegin) {
   recording.blocks.resize(1);
   recording.blocks.front().start_sample = 100;
   for (const auto& [step, start] : {std::pair{1, 100}, std::pair{1, 200}, std::pair{2, 7300}}) {
-    Segment segment;
-    segment.step = step;
-    segment.start_sample = start;
+    Segment segment{.step = step, .start_sample = start};
     recording.segments.push_back(segment);
   }
   using Marks = std::vector<std::pair<double, std::string>>;

@@ -56,10 +56,7 @@ TEST(DwellMonitor, JumpOfTheGyroMean) {
   for (std::size_t i = 0; i < 10; ++i) samples[1100 + i].gyro[1] += 7.72;
   EXPECT_EQ(verdict(samples).rfind("not still: gyro y mean jumps by 0.01667 deg/s", 0), 0U) << verdict(samples);
   // Limits apart the same data are fine.
-  DwellConfig loose;
-  loose.max_gyro_peak_degps = 0.03;
-  loose.max_gyro_std_degps = 0.03;
-  EXPECT_EQ(verdict(samples, loose), "complete");
+  EXPECT_EQ(verdict(samples, {.max_gyro_std_degps = 0.03, .max_gyro_peak_degps = 0.03}), "complete");
 }
 
 // A count that is held for a while and then catches up by two pulses is the unit's resolution, in every sample of a dwell.

@@ -97,9 +97,7 @@ constexpr int fault_kinds = int(RigFaultKind::link_lost) + 1;
 constexpr int disturbance_kinds = fault_kinds + 6;
 
 RigFault fault_of(const Disturbance& d, double period_s) {
-  RigFault fault;
-  fault.kind = static_cast<RigFaultKind>(d.kind);
-  fault.time_s = 0.1 * d.moment;
+  RigFault fault{.kind = static_cast<RigFaultKind>(d.kind), .time_s = 0.1 * d.moment};
   fault.sample = std::int64_t(fault.time_s / period_s);
   fault.duration_s = 0.5;
   fault.axis = d.axis;

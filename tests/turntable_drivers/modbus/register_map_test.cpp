@@ -247,9 +247,7 @@ TEST(ModbusForms, EveryAxisReadsItsOwn) {
     MapTable s(map_of(text));
     EXPECT_EQ(s.expect_truth(5), 15);
   }
-  StatusBit bit;
-  bit.mask = 0x0F00;
-  bit.codes = {3, 5};
+  const StatusBit bit{.mask = 0x0F00, .codes = {3, 5}};
   EXPECT_TRUE(bit.is_set(0xF3FF));
   EXPECT_TRUE(bit.is_set(0x0500));
   EXPECT_FALSE(bit.is_set(0x0700)) << "the bits of 3 and 5 together are another code";
