@@ -114,7 +114,7 @@ class JointRun {
       const std::string wrong = settled && upright ? wrong_axes(r.parameters.n * from.n.inverse())
                                                    : wrong_table_axes(recording_, r.setup.mounting);
       if (!settled || !upright || !wrong.empty()) {
-        r.message = (settled ? "" : "the estimate does not settle: ") +
+        r.message = (settled ? "" : "the estimate does not converge: ") +
                     (wrong.empty() ? "the recording contradicts the model (wrong segments, signs or units?)" : wrong);
         return r;
       }

@@ -387,20 +387,19 @@ void add_calibrate_command(CommandLine& line) {
 
 void add_diagnose_command(CommandLine& line) {
   const auto [command, options] = line.command<DiagnoseOptions>(
-      "diagnose", "find, name and add effects beyond the 24 parameters; report the error before and after", diagnose);
+      "diagnose", "find effects that the 24 parameters do not model; report the error before and after", diagnose);
   command.option("recording", options.recordings, {is::required},
                  "recording: a folder (binary or text form) or a .tcr file; several of one unit");
-  command.option(
-      "--holdout", options.holdouts, {is::one_word_each},
-      "recording of the unit that is not used in the fit; repeat it for more; default: cross-validation over "
-      "recordings, or over dwells");
+  command.option("--holdout", options.holdouts, {is::one_word_each},
+                 "recording of the same unit that is kept out of the fit; repeat it for more; default: "
+                 "cross-validation over recordings, or over dwells");
   command.option("--out", options.out, {is::required}, "folder for parameters.conf, diagnosis.conf and report.html");
   command.flag("--verbose", options.verbose, "print the tables of the report, too");
   command.option("--residuals", options.residuals, "write the residuals to this file: .csv, .npy or .mat");
   command.option("--format", options.format, {is::one_of(data_formats)},
                  "print diagnosis.conf in this form instead of text");
   command.option("--arw", options.arw_deg_per_rt_h, {is::positive},
-                 "angle random walk, deg/sqrt(h); fixes the noise instead of measuring it");
+                 "angle random walk, deg/sqrt(h); with --vrw: use this noise instead of estimating it");
   command.option("--vrw", options.vrw_ug_per_rt_hz, {is::positive}, "velocity random walk, ug/sqrt(Hz)");
   command.option("--gyro-bias-instability", options.gyro_bias_instability_degph, {is::in(0.0, 1e6)},
                  "bias instability of the gyros, deg/h; with --arw and --vrw");
@@ -410,7 +409,7 @@ void add_diagnose_command(CommandLine& line) {
 
 void add_recalibrate_command(CommandLine& line) {
   const auto [command, options] = line.command<RecalibrateOptions>(
-      "recalibrate", "recalibrate every recording with this version", recalibrate_archive);
+      "recalibrate", "calibrate an archive of recordings again with this version", recalibrate_archive);
   command.option("archive", options.archive, {is::required},
                  "a folder with recordings below it, a CSV list, or a results database");
   command.option("--out", options.store, {is::required}, "folder of the store; existing results are kept");
@@ -430,13 +429,13 @@ void add_recalibrate_command(CommandLine& line) {
 
 void add_fleet_command(CommandLine& line) {
   const auto [command, options] = line.command<FleetCommandOptions>(
-      "fleet", "find what many units have in common: by station, lot, part or month", diagnose);
+      "fleet", "find errors that many units have in common, by station, lot, part or month", diagnose);
   command.option("action", options.action, {is::required, is::one_of({"diagnose"})},
-                 "diagnose; the report of a line is that of `turncal shift`");
+                 "diagnose, the only action; `turncal shift` reports on a line");
   command.option("from", options.from, {is::required},
                  "a results database, a store of `turncal recalibrate`, or a folder with runs below it");
   command.option("--by", options.by, {is::one_of(fleet_factors), is::one_word_each, is::default_in_help},
-                 "factor that units may share; repeat it for several");
+                 "factor by which units are grouped; repeat it for several");
   command.option("--page", options.page, "write a page (HTML) to this file");
   command.format(options.format, "print a table for other programs");
 }
@@ -449,7 +448,7 @@ void add_allan_command(CommandLine& line) {
   command.option("--map", options.from.map, "file that describes the columns (docs/import.md)");
   command.option("--against", options.from.against, "second source, or a parameter file (.conf), to compare with");
   command.option("--out", options.out, "folder for allan.html, allan.svg, allan.csv, imu.yaml");
-  command.format(options.format, "print the result, or as csv its points, in this form instead of text");
+  command.format(options.format, "print the result (json) or its points (csv) instead of text");
 }
 
 void add_thermal_command(CommandLine& line) {
@@ -457,7 +456,7 @@ void add_thermal_command(CommandLine& line) {
       "thermal", "fit the parameters as functions of temperature, from calibrations at several temperatures", thermal);
   command.option(
       "leg", options.request.legs, {is::required},
-      "a recording, a parameter file, or the folder of a run or calibration; of one unit, two temperatures at least");
+      "recording, parameter file, or folder of a run or calibration; all of one unit, at two temperatures or more");
   command.option("--out", options.out, {is::required}, "folder for parameters.conf, thermal.conf and thermal.html");
   command.option("--temperature", options.request.temperatures, {is::one_word_each},
                  "LEG=VALUE, degrees C, for a leg without a thermometer; repeat it for more");
@@ -478,7 +477,7 @@ void add_campaign_command(CommandLine& line) {
   command.flag("--dry-run", request.dry_run, "simulate table, unit and chamber, in virtual time");
   command.flag("--no-diagnosis", request.no_diagnosis, "skip the diagnosis of each leg");
   command.flag("--until-sigma", request.until_sigma,
-               "end a leg, and the campaign, as soon as enough is known (as run does)");
+               "end each leg, and the campaign, as soon as its sigmas are small enough (as run does)");
   add_record_options(command, request);
   add_watch_options(command, request);
   command.format(options.format, "print the plan, or thermal.conf, in this form");

@@ -378,19 +378,20 @@ void add_design_command(CommandLine& line) {
       line.command<DesignOptions>("design", "find a sequence with small sigmas in a given time; nothing moves", design);
   command.option("--time", options.time_s, {is::time(1.0, 86400.0)}, "length of the run");
   command.option("--sigma", options.sigma,
-                 "in place of --time: a file of sigmas (N01 = 0.003); finds the shortest run that gives them");
+                 "instead of --time: file of wanted sigmas (N01 = 0.003); finds the shortest run that reaches them");
   command.option("--separate", options.separate,
-                 "an effect of a diagnosis: the shortest legs, at most --time (10min), that tell it from the effects "
-                 "it is confounded with");
+                 "effect that a diagnosis found: design the shortest legs, at most --time (10min), that separate it "
+                 "from the effects it is confounded with");
   command.option("--from", options.from, "recording or run with that diagnosis");
   command.option("--out", options.out, {is::required}, "sequence file to write");
   add_site_options(command, options.site);
   command.option("--start", options.start, "sequence that the search starts from; default: the fourteen steps");
   command.option("--aim", options.criterion, {is::one_of({"mean", "worst"}), is::default_in_help},
                  "minimise the mean of all sigmas, or the worst");
-  command.option("--effects", options.task.effects, "effects of the catalogue that the sequence should show");
-  command.option("--grade", options.grade, {is::one_of({"fog", "hrg"})},
-                 "show what fibre-optic or hemispherical resonator gyros have (docs/diagnosis.md)");
+  command.option("--effects", options.task.effects, "effects of the catalogue that the sequence should make visible");
+  command.option(
+      "--grade", options.grade, {is::one_of({"fog", "hrg"})},
+      "make the usual effects of fibre-optic (fog) or hemispherical resonator (hrg) gyros visible (docs/diagnosis.md)");
   command.option("--temperature-rise", options.temperature_rise_c,
                  "temperature rise over the run, C, for --effects; default: 0, with --grade fog 8");
   command.option("--axes", options.axes, "axes that may turn: heading, pitch, roll; default: all");

@@ -418,14 +418,14 @@ void add_history_command(CommandLine& line) {
   command.option("--parameter", options.parameter, "one parameter, calibration by calibration");
   command.option("--report", options.report, "write a page (HTML) with the control charts of every parameter");
   command.flag("--simulated", options.simulated, "use dry runs for --control, --parameter and --report");
-  command.flag("--together", options.together, "chart all units together: the spread between them");
+  command.flag("--together", options.together, "chart all units together, to show the spread between them");
   command.format(options.format,
                  "print the calibrations with all values in this form; json: also with the other options");
 }
 
 void add_shift_command(CommandLine& line) {
   const auto [command, options] = line.command<ShiftOptions>(
-      "shift", "report on a shift: yield, reasons, hours, control charts, stations", run_shift);
+      "shift", "report on a production shift: yield, reasons of failures, hours, control charts, stations", run_shift);
   command.option("database", options.database, {is::required}, "the station's record.database");
   add_filter_options(command, options.filter);
   command.flag("--simulated", options.simulated, "report dry runs, which are never mixed with real units");

@@ -428,17 +428,17 @@ Status navigate(const NavigateOptions& options, CommandContext& context) {
 
 void add_segment_command(CommandLine& line) {
   const auto [command, options] = line.command<SegmentOptions>(
-      "segment", "find the rests of a recording and write it with segments", segment_recording);
+      "segment", "find the rests in a recording and write a copy that is divided into segments", segment_recording);
   command.option("source", options.source, {is::required}, "recording: a folder or a .tcr file");
   command.option("--out", options.out, {is::required}, "folder to write to; must not contain a recording yet");
   command.option("--threshold", options.how.threshold, {is::in(1.0, 1e12)},
-                 "ratio of variance to quiet variance at which a rest ends; default: chosen by the data");
+                 "variance, relative to that at rest, above which a rest ends; default: chosen from the data");
   command.option("--min-rest", options.how.min_rest_s, {is::time(0.1, 3600.0), is::default_in_help}, "shortest rest");
 }
 
 void add_import_command(CommandLine& line) {
   const auto [command, options] = line.command<TextOptions>(
-      "import", "make a recording of a table of numbers, a ROS bag, raw bytes or the text form of a recording",
+      "import", "make a recording from a table of numbers, a ROS bag, raw bytes or the text form of a recording",
       import_text);
   command.option("source", options.source, {is::required},
                  "CSV, .npy, .mat, HDF5, MCAP, .db3 or .bag file; with --frame a log of raw bytes; or a folder with "
@@ -455,7 +455,7 @@ void add_import_command(CommandLine& line) {
                  "gravity of the site, m/s^2; default: the map's, or 9.80665");
   command.option("--latitude", options.latitude_deg, {is::in(-90.0, 90.0)},
                  "latitude of the site, degrees; default: the map's, or 0");
-  command.option("--rate", options.rate_hz, {is::in(0.1, 1e5)}, "samples a second, in place of a column of times");
+  command.option("--rate", options.rate_hz, {is::in(0.1, 1e5)}, "samples per second, if there is no time column");
   command.option("--unit", options.unit, "serial number; default: the map's, or the name of the file");
 }
 
@@ -475,7 +475,7 @@ void add_apply_command(CommandLine& line) {
   command.option("--out", options.out, {is::required},
                  "file to write: .csv, .npy, .mat, .mcap (rates) or .tcr (a recording); an existing file is replaced");
   command.option("--as", options.as, {is::one_of({"rates", "increments"})},
-                 "add the time, and write increments or rates (rad/s, m/s^2); not for .tcr");
+                 "write increments or rates (rad/s, m/s^2) with the time of each sample; not for .tcr");
 }
 
 void add_convert_command(CommandLine& line) {
@@ -499,7 +499,7 @@ void add_navigate_command(CommandLine& line) {
       "navigate", "run free inertial navigation on a recording and report its drift", navigate);
   NavigationRequest& request = options.request;
   command.option("recording", request.recording, {is::required}, "a folder (binary or text form) or a .tcr file");
-  command.option("--parameters", request.parameters, "parameter file; omit it for the output of `turncal apply`");
+  command.option("--parameters", request.parameters, "parameter file; omit it if `turncal apply` made the recording");
   command.option("--against", request.against, "second parameter file to compare with");
   command.option("--reference", request.reference,
                  "true track: a table of time_s, latitude_deg, longitude_deg (docs/verification.md)");
@@ -511,7 +511,7 @@ void add_navigate_command(CommandLine& line) {
   command.option("--for", request.free_s, {is::time(1.0, longest_recording_s)},
                  "length of each free navigation; default: an hour, or what there is");
   command.option("--branches", request.branches, {is::in(1, 1000), is::default_in_help},
-                 "number of starts, spread over the recording");
+                 "number of navigations, started at times spread over the recording");
   command.format(options.format, "print navigation.conf in this form instead of text");
 }
 

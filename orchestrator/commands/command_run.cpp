@@ -304,8 +304,9 @@ void add_run_options(const Command& command, RunRequest& request) {
                  "bring the station's chamber to this temperature first, degrees C (docs/thermal.md); default: "
                  "chamber.temperature_c of the station");
   command.flag("--verify", request.verify, "seek north with the new parameters after the calibration");
-  command.flag("--until-sigma", request.until_sigma,
-               "end as soon as the station's stop.sigma.* and limit.* are met with certainty (docs/sequences.md)");
+  command.flag(
+      "--until-sigma", request.until_sigma,
+      "end as soon as the sigmas are small enough for the station's stop.sigma.* and limit.* (docs/sequences.md)");
   command.option(
       "--settle", request.settle_minutes, {is::time(0.0, 60.0, "min")},
       "time that the run may add to tell confounded effects apart (docs/sequences.md); default: settle.minutes of "
@@ -323,11 +324,12 @@ void add_run_command(CommandLine& line) {
                  "serial number of the unit; repeat it for several units, in the order of the station's places");
   command.option("--out", options.folder, "folder for the results; must not contain a run yet");
   command.option("--continue", request.continues,
-                 "folder of a run: record more of its unit and diagnose both together (docs/sequences.md); default of "
-                 "--out: DIR/continued");
+                 "folder of an earlier run of the unit: record more, and diagnose both recordings together "
+                 "(docs/sequences.md); default of --out: DIR/continued");
   command.flag("--capture-only", request.capture_only, "record the sequence, do not calibrate");
   command.flag("--partial", request.partial,
-               "estimate what the sequence determines; without a verdict, and not put in use");
+               "estimate only the parameters that the sequence determines; the unit gets no verdict, and the file is "
+               "not put in use");
   command.flag("--no-diagnosis", options.request.no_diagnosis, "skip the diagnosis at the end");
   add_run_options(command, request);
 }

@@ -486,23 +486,23 @@ void add_check_command(CommandLine& line) {
       line.command<CheckOptions>("check", "validate station and sequence, print the plan; nothing moves", run_check);
   command.option("--station", options.station, "station configuration; default: the built-in rig station");
   command.option("--sequence", options.sequence, "sequence file; needed unless --explain is given");
-  command.flag(
-      "--explain", options.explain,
-      "print what each operation sends to the table and what its answers mean, to be checked against its manual");
+  command.flag("--explain", options.explain,
+               "print what each operation sends to the table and what its answers mean, to compare with its manual");
   command.flag("--verify", options.verify, "include the north seeking of run --verify");
   command.option("--override-due", options.overdue_reason,
                  "reason for using a table whose calibration is overdue, as for run");
-  command.option("--out", options.out, "folder of the run: check that it can be written and has room");
+  command.option("--out", options.out, "folder of the run: check that it is writable and has enough space");
   command.option("--unit", options.units, {is::one_word_each}, "serial number of a unit");
 }
 
 void add_commission_command(CommandLine& line) {
   const auto [command, options] = line.command<Options>(
-      "commission", "compare a table with known angles, then move each axis a little and check that the unit senses it",
+      "commission",
+      "compare the table's readings with known angles, then move each axis a little and check that the unit senses it",
       run_commission);
   command.option("--station", options.station, {is::required}, "station configuration");
   CLI::Option* const heading =
-      command.option("--heading", options.heading, "angle of the heading axis now, degrees; not 0");
+      command.option("--heading", options.heading, "present angle of the heading axis, degrees; must not be 0");
   CLI::Option* const pitch = command.option("--pitch", options.pitch, "the same for the pitch axis");
   CLI::Option* const roll = command.option("--roll", options.roll, "the same for the roll axis");
   for (CLI::Option* const tilt : {pitch, roll}) {
@@ -510,12 +510,12 @@ void add_commission_command(CommandLine& line) {
     needs(tilt, heading);
   }
   command.flag("--accept-guess", options.accept_guess,
-               "proceed although lines that decide what moves are marked as guesses");
+               "proceed although lines of the map or dialect that decide what moves are marked [guess]");
   command.flag("--chamber", options.chamber, "try the chamber alone: 2 C both ways, then off; nothing turns");
   command.option("--tolerance", options.tolerance_deg, {is::positive}, "tolerance of these angles, degrees");
   command.option("--move", options.settings.move_deg, {is::in(0.5, 30.0)}, "travel of each axis, degrees");
   command.option("--rate", options.settings.rate_degps, {is::in(0.1, 10.0)},
-                 "rate of these moves, deg/s; the way there takes half of it");
+                 "rate of these moves, deg/s; the first move of each axis uses half of it");
   command.option("--pose", options.settings.pose_deg, {is::in(30.0, 90.0)},
                  "largest tilt of pitch and roll to compare gravity, degrees");
   command.option("--gyro-pulse-arcsec", options.settings.gyro_pulse_arcsec, {is::positive},
@@ -532,7 +532,7 @@ void add_monitor_command(CommandLine& line) {
 
 void add_twin_command(CommandLine& line) {
   const auto [command, options] = line.command<TwinCommandOptions>(
-      "twin", "serve the simulated table and unit of a station on real lines", run_twin);
+      "twin", "simulate a station's table and unit on real serial or network lines", run_twin);
   command.option("--station", options.station, {is::required},
                  "station configuration: its lines, map or dialect, and frame");
   command.option("--rig", options.rig,
@@ -540,12 +540,12 @@ void add_twin_command(CommandLine& line) {
   command.option("--speed-up", options.settings.speed_up, {is::in(0.01, 1000.0)},
                  "how many times faster than the wall clock; default: clock.speed_up");
   command.option("--table", options.settings.table,
-                 "tcp:PORT (0: any free one), pty or pty:LINK; default: that of the station");
+                 "line of the table: tcp:PORT (0: any free port), pty or pty:LINK; default: the station's");
 }
 
 void add_serve_command(CommandLine& line) {
   const auto [command, options] = line.command<ServeOptions>(
-      "serve", "serve a page that shows what the stations do and what waits for a person", serve);
+      "serve", "serve a page that shows what every station is doing and what needs an operator", serve);
   command.option("stations", options.file, {is::required}, "file with the stations, their queues and folders");
   command.option("--listen", options.listen, {is::default_in_help}, "address and port of the page");
 }

@@ -239,7 +239,7 @@ Status certify(const CertificateOptions& options, CommandContext& context) {
 
 void add_verify_command(CommandLine& line) {
   const auto [command, options] = line.command<VerifyOptions>(
-      "verify", "seek north with a calibration, or compare readings with references", verify);
+      "verify", "check a calibration by north seeking, or compare attitude readings with references", verify);
   RunRequest& run = options.run;
   command.option("--parameters", options.parameters, "parameter file of the unit");
   command.option("--unit", options.unit, "serial number of the unit");
@@ -248,7 +248,7 @@ void add_verify_command(CommandLine& line) {
   command.flag("--dry-run", run.dry_run, "simulate table and unit, in virtual time");
   command.flag("--manual", run.manual, "turn the table by hand");
   command.option("--rig", run.rig, "rig configuration (docs/rig.md); default: the built-in one");
-  command.option("--sequence", run.sequence, "sequence in place of verify.seq: align sets the zero, dwell counts");
+  command.option("--sequence", run.sequence, "sequence instead of verify.seq: align sets the zero, a dwell is judged");
   command.option("--recording", options.recording, "judge an earlier recording; nothing moves");
   command.option("--from-step", options.first_step, {is::in(0, 1'000'000)},
                  "with --recording: step at which the north seeking begins, after a calibration");

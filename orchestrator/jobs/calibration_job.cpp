@@ -126,11 +126,11 @@ void note_data(const LoadedRecording& recording, std::vector<std::string>& notes
 
 Status closed_form(const CompressedRecording& recording, CalibrationOutput& output) {
   const ClosedFormResult result = TRY(closed_form_calibrate(recording, start_parameters(recording.info)));
-  if (!result.converged) return Error{ErrorKind::unit_failed, "the calibration does not settle: " + result.message};
+  if (!result.converged) return Error{ErrorKind::unit_failed, "the calibration does not converge: " + result.message};
   output.file.parameters = to_vector(result.parameters);
   output.file.model = "base";
   output.notes.push_back(
-      fmt::format("closed form: settled after {} passes over {} samples", result.passes, recording.samples));
+      fmt::format("closed form: converged after {} passes over {} samples", result.passes, recording.samples));
   return {};
 }
 
@@ -142,7 +142,7 @@ void note_mounting(const JointResult& result, std::vector<std::string>& notes) {
 
 void note_joint(const JointResult& result, double sample_period_s, std::vector<std::string>& notes) {
   notes.push_back(
-      fmt::format("joint estimate: settled after {} iterations; normalised residual {:.4f}{}", result.iterations,
+      fmt::format("joint estimate: converged after {} iterations; normalised residual {:.4f}{}", result.iterations,
                   result.normalised_rms,
                   result.whiteness.white ? "" : ", NOT WHITE: the noise model does not explain the residual"));
   note_mounting(result, notes);
@@ -191,7 +191,7 @@ Status joint(const LoadedRecording& loaded, const CalibrationRequest& request, C
   if (!result.converged) {
     const std::string wrong = wrong_latitude(recording, result);
     return Error{ErrorKind::unit_failed,
-                 "the calibration does not settle: " +
+                 "the calibration does not converge: " +
                      (wrong.empty() ? result.message : "expected the site's latitude, " + wrong)};
   }
   const std::string open = request.partial ? "" : what_is_open({&loaded, 1}, result);
@@ -216,7 +216,7 @@ Status rests_by_hand(const CompressedRecording& recording, const CalibrationRequ
   else
     judged.base = TRY(fit_rests(data, EffectModel{}));
   const RestFit& fit = judged.base;
-  if (!fit.converged) return Error{ErrorKind::unit_failed, "the calibration does not settle: " + fit.message};
+  if (!fit.converged) return Error{ErrorKind::unit_failed, "the calibration does not converge: " + fit.message};
   if (!fit.undetermined.empty() && !request.partial) {
     return not_determined(
         fmt::format("these rests and rotations do not determine {}: expected more of them, about other axes",
@@ -232,7 +232,7 @@ Status rests_by_hand(const CompressedRecording& recording, const CalibrationRequ
     output.distrust = judged.diagnosis.why_base_not_trusted();
 
   describe_trust(output.distrust, output.file);
-  output.notes.push_back(fmt::format("{}: {} rests and {} rotations by hand, settled after {} iterations",
+  output.notes.push_back(fmt::format("{}: {} rests and {} rotations by hand, converged after {} iterations",
                                      no_table_angles, data.rests.size(), data.legs.size(), fit.iterations));
   output.notes.push_back("errors: " + plain(error_text(fit.errors)));
   output.notes.push_back("cross-validation: " + plain(error_text(fit.left_out)));
