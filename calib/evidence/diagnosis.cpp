@@ -242,7 +242,6 @@ class Diagnosing {
     o.look_for_faults = false;
     JointResult left_in = joint_estimate(recording_, o);
     if (!left_in.converged) return;
-    left_in.noise = left_in.setup.noise = d_.base.noise;  // what is left in is in the fitted one
     Evidence other = weigh(left_in);
     double log_evidence = other.posterior.log_evidence;
     if (const std::vector<EffectColumn> named = named_columns(other); !named.empty()) {
