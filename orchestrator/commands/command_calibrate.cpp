@@ -244,8 +244,7 @@ Status recalibrate_archive(const RecalibrateOptions& options, CommandContext& co
                              request.version)
               << std::flush;
   if (options.against.empty()) return {};
-  const VersionChanges changes = TRY(compare_versions(options.store, options.against, request.version));
-  context.out << as_text(changes_document(changes));
+  context.out << as_text(changes_document(TRY(compare_versions(options.store, options.against, request.version))));
   return {};
 }
 

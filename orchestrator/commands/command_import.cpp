@@ -88,8 +88,7 @@ std::string wrong_units_of(RecordingSource& source, const Segments& segments) {
     return Status();
   }));
   feed.finish();
-  const CompressedRecording recording = compressor.take();
-  return wrong_units(make_rest_data(recording));
+  return wrong_units(make_rest_data(compressor.take()));
 }
 
 Status segment_recording(const SegmentOptions& options, CommandContext& context) {
@@ -404,8 +403,7 @@ Status navigate(const NavigateOptions& options, CommandContext& context) {
   // An earlier result in the folder is replaced as a whole.
   OutputFolder folder = TRY(OutputFolder::prepare(options.out, {}));
   const NavigationReport report = TRY(navigate_recording(options.request));
-  const std::string conf = folder.file("navigation.conf");
-  std::vector<NamedText> files = {{conf, format_navigation(report)}};
+  std::vector<NamedText> files = {{folder.file("navigation.conf"), format_navigation(report)}};
   const Document document = navigation_document(report);
   const HtmlPage page = as_page(document);
   files.push_back({folder.file("navigation.html"), page.html});

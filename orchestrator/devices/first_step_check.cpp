@@ -153,8 +153,7 @@ std::string EarthRateCheck::add_rest(const Eigen::Vector3d& rate_radps, double s
   const double sine = earth.y() / size;
   const Eigen::Vector3d slope = (Eigen::Vector3d::UnitY() - sine * earth / size) / size;
   const double sigma = std::sqrt(slope.dot(P_.bottomRightCorner<3, 3>() * slope));
-  const double difference = sine - std::sin(latitude_deg_ * rad_per_deg);
-  if (std::abs(difference) <= std::max(sigmas * sigma, least_difference)) return {};
+  if (std::abs(sine - std::sin(latitude_deg_ * rad_per_deg)) <= std::max(sigmas * sigma, least_difference)) return {};
   const double latitude_deg = std::asin(sine) / rad_per_deg;
   // Sigma of the latitude; near a pole the sine determines it poorly.
   const double sigma_deg = sigma / std::max(std::sqrt(1.0 - sine * sine), std::sqrt(sigma)) / rad_per_deg;
@@ -245,8 +244,7 @@ Status FirstStepCheck::judge_segment(SegmentKind kind, std::int64_t end_sample, 
   const auto n = double(sums_.samples);
   const SensorModel model = sensor_model(start_parameters(info_), info_);
   if (kind != SegmentKind::rotate) return judge_rest(model, angles_deg, n);
-  const bool whole = sums_.samples == end_sample - sums_.start_sample;
-  if (!before_deg_ || !rest_gyro_ || !whole) return {};
+  if (!before_deg_ || !rest_gyro_ || sums_.samples != end_sample - sums_.start_sample) return {};
   end_stretch();
   const Eigen::Vector3d sum = sums_.gyro - *rest_gyro_ * n;
   const auto turn = turn_between(*before_deg_, angles_deg);
@@ -263,8 +261,7 @@ Status FirstStepCheck::judge_segment(SegmentKind kind, std::int64_t end_sample, 
 
 // Judges the weight of the pulses, which is estimated starting from its nominal value.
 Status FirstStepCheck::judge_pulses(double ratio) const {
-  const bool fits = ratio >= least_pulses && ratio <= most_pulses;
-  if (info_.gyro_increment != IncrementKind::pulses || fits) return {};
+  if (info_.gyro_increment != IncrementKind::pulses || (ratio >= least_pulses && ratio <= most_pulses)) return {};
   const double nominal = start_parameters(info_).n(0, 0);
   return device_error(fmt::format(
       "the gyros feel {:.4g} times what is expected: by this turn a pulse weighs {:.4g} arcsec: expected {:.2g} to "

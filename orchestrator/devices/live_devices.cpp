@@ -253,8 +253,7 @@ Result<std::unique_ptr<LiveDevices>> LiveDevices::make(const StationConfig& stat
                                                        const std::atomic<int>& stop_requests, std::ostream& out,
                                                        std::size_t units) {
   assert(station.imu);
-  std::vector<LockFile> locks = TRY(lock_devices(station));
-  std::unique_ptr<LiveDevices> live(new LiveDevices(station, units, std::move(locks)));
+  std::unique_ptr<LiveDevices> live(new LiveDevices(station, units, TRY(lock_devices(station))));
   if (station.chamber) live->chamber_ = std::make_unique<DescribedChamber>(station.chamber->described);
   const GravityWatch& watched = live->watched_;
   live->table_ = TRY(

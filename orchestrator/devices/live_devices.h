@@ -167,8 +167,7 @@ class LiveDevices {
   // Returns a unit's clock error against the host's; empty while it is unknown, and for a twin that runs at another pace.
   std::optional<ArrivalEstimate> unit_clock(std::size_t place) const {
     const auto clock = (place == 0 ? imu_ : *further_[place - 1]).clock();
-    const bool known = clock && clock->skew_uncertainty > 0.0 && speed_up_ == 1.0;
-    return known ? clock : std::nullopt;
+    return clock && clock->skew_uncertainty > 0.0 && speed_up_ == 1.0 ? clock : std::nullopt;
   }
   // Waits for at most 20 ms, so that the caller notices a stop in time; a signal ends it earlier.
   static void wait_a_little(double wall_s);

@@ -34,8 +34,7 @@ void OperatorPrompts::on_transition(const TransitionRecord& record) {
 
 std::optional<double> OperatorPrompts::left_s(const RunSnapshot& at) const {
   if (table_.rehearsed()) return {};
-  const double a_turn_s = turns_done_ > 0 ? beyond_plan_s_ / turns_done_ : first_turn_s_;
-  return at.eta_s + a_turn_s * double(at.moves_left);
+  return at.eta_s + (turns_done_ > 0 ? beyond_plan_s_ / turns_done_ : first_turn_s_) * double(at.moves_left);
 }
 
 void OperatorPrompts::on_progress(const RunSnapshot& at) {

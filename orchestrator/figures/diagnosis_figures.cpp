@@ -373,8 +373,7 @@ void mark_steps(const CompressedRecording& recording, Figure& figure) {
   }
   if (marks.size() < 2) return;
   for (Panel& panel : figure.panels) {
-    const bool of_time = panel.x_label.starts_with("time, ");
-    if (of_time || figure.stacked) panel.marks = marks;
+    if (panel.x_label.starts_with("time, ") || figure.stacked) panel.marks = marks;
   }
   figure.caption += " Thin lines: where the steps of the sequence begin.";
 }

@@ -223,8 +223,7 @@ Status add_prior(const PriorSource& source, const LoadedRecording& recording, co
   file.add_further("quality.prior.calibrations_of_unit", double(prior->own));
   if (noise) describe_noise(*noise, file, output.notes);
   if (!effect.changed.empty()) {
-    const std::string keys = keys_of(effect.changed);
-    file.add_further("quality.prior.not_used", keys);
+    file.add_further("quality.prior.not_used", keys_of(effect.changed));
     std::string line =
         std::string("prior: NOT USED: ") +
         (prior->own > 0 ? "the unit has changed since its last calibration:" : "the unit differs from the others:");

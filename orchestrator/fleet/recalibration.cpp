@@ -169,8 +169,7 @@ Result<std::vector<NamedText>> files_of(const ArchiveEntry& entry, const LoadedR
     files.push_back({diagnosis_name, found.files.conf});
     if (const std::string why = found.diagnosis.why_base_not_trusted(); !why.empty()) describe_trust(why, output.file);
   }
-  const std::string parameters = TRY(format_parameter_file(output.file));
-  files.push_back({parameters_name, parameters});
+  files.push_back({parameters_name, TRY(format_parameter_file(output.file))});
   if (output.fit) {
     const std::vector<std::byte> bytes =
         TRY(format_statistics({output.file, unit_statistics(recording.data, *output.fit)}));
@@ -471,8 +470,7 @@ Result<RecalibrationCounts> recalibrate_on_slurm(const std::vector<ArchiveEntry>
     fs::remove_all(job.folder, error);
     return counts;
   }
-  const auto first = std::size_t(failed.front());
-  const std::string log = file_of(job, first, ".log");
+  const std::string log = file_of(job, std::size_t(failed.front()), ".log");
   return device_error(fmt::format("{} of {} chunks failed {} times; {}: {}", failed.size(), chunks,
                                   options.most_attempts, log, last_line(log)));
 }

@@ -271,14 +271,12 @@ Result<std::vector<CalibrationOutput>> calibrate_each(const std::vector<LoadedRe
 Status check_together(Recordings fitted, Recordings holdouts) {
   TRY(check_same_unit(fitted, holdouts));
   const LoadedRecording& first = fitted.front();
-  const bool several = fitted.size() > 1 || holdouts.size() > 1;
-  if (several && first.by_hand)
+  if ((fitted.size() > 1 || holdouts.size() > 1) && first.by_hand)
     return input_error(first.path + ": " + no_table_angles + ": expected one recording, and one holdout at most");
   for (const LoadedRecording& one : fitted) {
     const auto same = [&](const char* key, double RecordingInfo::*value) -> Status {
       const double is = one.data.info.*value, expected = first.data.info.*value;
-      const bool alike = value == &RecordingInfo::sample_period_s ? same_sample_period(is, expected) : is == expected;
-      if (alike) return {};
+      if (value == &RecordingInfo::sample_period_s ? same_sample_period(is, expected) : is == expected) return {};
       return input_error("{}: {} = {}: expected {}, as in {}", one.path, key, format_number(is),
                          format_number(expected), first.path);
     };
@@ -443,8 +441,7 @@ Status check_data(const LoadedRecording& loaded) {
   std::string wrong = loaded.dead_channel;
   if (wrong.empty() && !loaded.by_hand) wrong = wrong_table_units(loaded.data);
   if (!wrong.empty()) return Error{ErrorKind::unit_failed, loaded.path + ": " + wrong};
-  const std::vector<Block>& blocks = loaded.data.blocks;
-  if (std::ranges::any_of(blocks, [](const Block& block) { return block.whole_second; })) return {};
+  if (std::ranges::any_of(loaded.data.blocks, [](const Block& block) { return block.whole_second; })) return {};
   return input_error(loaded.path + ": not one whole second at rest: expected dwells to calibrate from");
 }
 

@@ -518,8 +518,7 @@ RunEnd resume_run(const std::string& folder, const RunRequest& now, CommandConte
   run.log = TRY(RunLog::append(folder + "/" + log_name, std::string(tag_of(run))));
 
   mark_dropped(contents, true, run.units);
-  const bool sealed = TRY(sealed_recordings(run));
-  if (sealed) return conclude(finish_sealed(run, contents, context), run, context);
+  if (TRY(sealed_recordings(run))) return conclude(finish_sealed(run, contents, context), run, context);
 
   mark_dropped(contents, false, run.units);
   TRY(check_plan(run.plan));

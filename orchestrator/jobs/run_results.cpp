@@ -204,8 +204,7 @@ Status publish(Making& m, const std::function<Status(const std::function<Status(
     };
     TRY(keep(write_statistics));
     const auto note_parameters = [&]() -> Status {
-      const std::string text = TRY(format_parameter_file(file));
-      return note(m, JournalType::results, {{"parameters_hash", hash_of_text(text)}});
+      return note(m, JournalType::results, {{"parameters_hash", hash_of_text(TRY(format_parameter_file(file)))}});
     };
     TRY(keep(note_parameters));
     const auto add_to_database = [&]() -> Status {

@@ -47,8 +47,7 @@ std::string unit_prefix(std::size_t unit) { return unit == 0 ? "" : "unit." + st
 Status scan_journal(const PosixFile& file, RecordScanner& scanner, const std::function<Status(const Record&)>& take) {
   Record record;
   for (;;) {
-    const bool more = TRY(scanner.next(record));
-    if (!more) break;
+    if (!TRY(scanner.next(record))) break;
     TRY(take(record));
   }
   if (scanner.records_dropped() > 0)
@@ -172,8 +171,7 @@ Fields fields_of(CompletedDwell& dwell) {
 Result<JournalFile> JournalFile::create(const std::string& path, const JournalFields& begin) {
   if (path_exists(path)) return input_error(path + ": there already is a journal");
   const std::string temporary = temporary_name(path);
-  PosixFile file = TRY(PosixFile::create_new(temporary));
-  JournalFile journal(std::move(file), 0);
+  JournalFile journal(TRY(PosixFile::create_new(temporary)), 0);
   Status status = journal.file_.lock_exclusive();
   if (status) status = journal.append(JournalType::begin, begin);
   if (status) status = rename_durably(temporary, path);

@@ -79,8 +79,7 @@ Status restore_version(const std::string& store, const std::string& unit, int ve
   if (file.unit_serial != unit || file.simulated != simulated)
     return input_error(path + ": is of unit '" + file.unit_serial + "'" + (file.simulated ? " and simulated" : "") +
                        ": expected unit '" + unit + "'");
-  const std::string text = TRY(read_whole_file(path));
-  return write_file_atomically(folder + "/" + in_use_name, text);
+  return write_file_atomically(folder + "/" + in_use_name, TRY(read_whole_file(path)));
 }
 
 Result<std::vector<StoredVersion>> stored_versions(const std::string& store, const std::string& unit, bool simulated) {

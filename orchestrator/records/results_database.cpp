@@ -75,8 +75,7 @@ Result<int> version_of(SqlConnection& database) {
 // Makes the tables within the caller's transaction, unless there are any.
 Status make_tables_in(SqlConnection& database) {
   TRY(database.hold_schema());
-  const int version = TRY(version_of(database));
-  if (version != 0) return {};
+  if (TRY(version_of(database)) != 0) return {};
   std::string sql = schema;
   for (std::size_t at = sql.find("@ID"); at != std::string::npos; at = sql.find("@ID"))
     sql.replace(at, 3, database.identity());

@@ -210,8 +210,7 @@ std::string as_parameter(const SqlValue& value) {
 // Returns kind device for errors that time or the server's administrator may remove (resources, shutdown, conflict of two writers).
 ErrorKind kind_of(const char* state) {
   const std::string_view which = std::string_view(state ? state : "08").substr(0, 2);
-  const bool ours = which == "42" || which == "22" || which == "23" || which == "25";
-  return ours ? ErrorKind::input : ErrorKind::device;
+  return which == "42" || which == "22" || which == "23" || which == "25" ? ErrorKind::input : ErrorKind::device;
 }
 
 SqlValue cell_of(const PGresult* rows, int row, int column) {

@@ -422,8 +422,7 @@ Document diagnosis_document(const Diagnosis& diagnosis, const DiagnosisContext& 
     }
   }
   document.section("scores", "Every candidate of the catalogue");
-  const bool scored = parts.not_scored.empty();
-  if (scored) {
+  if (parts.not_scored.empty()) {
     document.add(score_table(diagnosis, threshold_z));
     document.soft(parts.score_caption + " Bold: above the family-wise threshold, " + significant(threshold_z, 2) +
                   "; bars: the square root of |z|, the strongest component of each effect.");

@@ -195,8 +195,7 @@ std::vector<NumberColumn> residual_columns(const Diagnosis& diagnosis) {
   add("time_s", [](const ResidualPoint& point) { return point.time_s; });
   add("segment", [](const ResidualPoint& point) { return double(point.segment + 1); });
   add("since_rotation_s", [](const ResidualPoint& point) {
-    const bool turned = point.since_rotation_s <= point.time_s;
-    return turned ? point.since_rotation_s : std::numeric_limits<double>::quiet_NaN();
+    return point.since_rotation_s <= point.time_s ? point.since_rotation_s : std::numeric_limits<double>::quiet_NaN();
   });
   add("temperature_c", [](const ResidualPoint& point) { return point.temperature_c; });
   add_each("force_", body_names, "_mps2", &ResidualPoint::f_b_mps2);

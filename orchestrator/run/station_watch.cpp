@@ -351,8 +351,7 @@ bool StationRun::apart() const {
     most = std::max(most, lane.came_in_segment());
     period_s = lane.sample_period_s();
   }
-  const double allowed = std::max(late_s / period_s, 2.0);
-  return least <= most && double(most - least) > allowed;
+  return least <= most && double(most - least) > std::max(late_s / period_s, 2.0);
 }
 
 StationRun::MaybeEvent StationRun::record_all() {

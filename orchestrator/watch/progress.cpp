@@ -51,8 +51,7 @@ std::string format_dropout(const Dropout& dropout) {
 }
 
 Result<RunLog> RunLog::create(const std::string& path, std::string tag) {
-  PosixFile file = TRY(PosixFile::create_new(path));
-  return RunLog(std::move(file), std::move(tag));
+  return RunLog(TRY(PosixFile::create_new(path)), std::move(tag));
 }
 
 Result<RunLog> RunLog::append(const std::string& path, std::string tag) {

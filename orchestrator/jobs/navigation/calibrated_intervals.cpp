@@ -225,8 +225,7 @@ bool has_noise(const ParameterFile& file) {
 
 Result<NoiseModel> stored_noise(const ParameterFile& file, const std::string& file_name) {
   NoiseModel noise;
-  const bool counts = file.accel_increment == IncrementKind::pulses;
-  noise.accel_pulse_mps = counts ? file.accel_pulse_mps : 0.0;
+  noise.accel_pulse_mps = file.accel_increment == IncrementKind::pulses ? file.accel_pulse_mps : 0.0;
   for (int k = 0; k < 3; ++k) {
     const std::string axis(1, "xyz"[k]);
     TRY(take(file, file_name, "noise.angle_random_walk." + axis + "_deg_per_rt_h", radprs_per_degprh,
