@@ -21,9 +21,7 @@ class Database : public Program {
     return run(quick_run(out.empty() ? unit : out, Arguments{"--station", "line.station"} + more, unit));
   }
   std::vector<AttemptRecord> attempts(const RecordFilter& filter = {}) const {
-    const Result<ResultsDatabase> database = ResultsDatabase::open_to_read(path("results.db"));
-    EXPECT_TRUE(database.ok()) << database.error().message;
-    return database.ok() ? *database->attempts(filter) : std::vector<AttemptRecord>();
+    return *good(ResultsDatabase::open_to_read(path("results.db")))->attempts(filter);
   }
 };
 

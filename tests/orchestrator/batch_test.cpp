@@ -21,8 +21,7 @@ TEST_F(Batch, UnitsAreAddedAndRemovedWhileItRuns) {
   write("queue", "SN1\nSN2\nSN3\n");
   const pid_t pid = start(batch());
   // At once: SN1 is under way.
-  const Status changed = change_queue(path("queue"), {{"SN9"}, {"SN3"}, {}});
-  EXPECT_TRUE(changed.ok());
+  EXPECT_OK(change_queue(path("queue"), {{"SN9"}, {"SN3"}, {}}));
   ASSERT_EQ(finish(pid).code, 0);
   EXPECT_EQ(outcomes(), "SN1=not_judged SN2=not_judged SN9=not_judged ");
   EXPECT_EQ(file_text(folder_ / "queue"), "SN1\nSN2\nSN9\n");

@@ -24,14 +24,10 @@ class SharedDatabase : public Program {
     return quick_run(name + "/" + unit, {"--station", path(name + ".station")}, unit);
   }
   std::vector<AttemptRecord> attempts(const std::string& name, const RecordFilter& filter = {}) const {
-    const Result<ResultsDatabase> database = ResultsDatabase::open_to_read(name);
-    EXPECT_TRUE(database.ok()) << database.error().message;
-    return database.ok() ? *database->attempts(filter) : std::vector<AttemptRecord>();
+    return *good(ResultsDatabase::open_to_read(name))->attempts(filter);
   }
   std::size_t calibrations(const std::string& name, const RecordFilter& filter = {}) const {
-    const Result<ResultsDatabase> database = ResultsDatabase::open_to_read(name);
-    EXPECT_TRUE(database.ok()) << database.error().message;
-    return database.ok() ? database->list(filter, "N01")->size() : 0;
+    return good(ResultsDatabase::open_to_read(name))->list(filter, "N01")->size();
   }
 };
 
