@@ -253,13 +253,6 @@ std::optional<double> typed_number(std::string text) {
   return text.find_first_of("eE") == std::string::npos ? device_number(text) : std::nullopt;
 }
 
-std::optional<Axis> axis_named(const std::string& name) {
-  for (const Axis axis : all_axes) {
-    if (name == to_string(axis)) return axis;
-  }
-  return {};
-}
-
 }  // namespace
 
 void ManualTurntable::ask() {
@@ -396,10 +389,11 @@ void ManualTurntable::answer(const std::string& line) {
 
 void ManualTurntable::turn_rehearsed(const std::string& axis_and_angle) {
   const std::size_t blank = axis_and_angle.find(' ');
-  const std::optional<Axis> axis = axis_named(axis_and_angle.substr(0, blank));
+  const auto axis = std::ranges::find(all_axes, axis_and_angle.substr(0, blank), [](Axis a) { return to_string(a); });
   const std::optional<double> angle_deg =
       device_number(blank == std::string::npos ? "" : axis_and_angle.substr(blank + 1));
-  if (!axis || !angle_deg) return note(texts_.say("wrong.rehearsed", {{"text", quoted(axis_and_angle)}}), true);
+  if (axis == all_axes.end() || !angle_deg)
+    return note(texts_.say("wrong.rehearsed", {{"text", quoted(axis_and_angle)}}), true);
   rehearsed_->turn(*axis, *angle_deg, queue_.front().rate_degps, queue_.front().acceleration_degps2);
 }
 
@@ -433,6 +427,7 @@ namespace {
 constexpr double gravity_settle_s = 1.6;
 constexpr double gravity_deadline_s = 10.0;
 constexpr double quarter_deg = 90.0;
+constexpr double sum_error_deg = 15.0;         // of the gyros' sum over a turn, by their bias
 constexpr double least_scale_turn_deg = 30.0;  // smallest turn from which the gyros' scale is learned
 
 }  // namespace
@@ -513,17 +508,22 @@ std::optional<std::string> ManualTurntable::turn_objection(const Wanted& now, do
   const double way_deg = angle_deg - hand.position_deg;
   const double made_deg = *felt / felt_of_a_degree_.value_or(1.0);
   const double sign = way_deg < 0.0 ? -1.0 : 1.0, way = std::abs(way_deg);
-  // The learned scale may come from a turn in which another axis took part, so the nominal one is accepted, too.
-  const bool agrees = felt_of_a_degree_
-                          ? std::abs(made_deg - way_deg) <= quarter_deg || std::abs(*felt - way_deg) <= quarter_deg
-                          : sign * *felt >= 0.25 * way - 60.0 && sign * *felt <= 2.0 * way + 60.0;
-  if (agrees) return {};
-  // Only whole turns can be missing: the dial shows the rest.
-  const double turns = std::max(1.0, std::round(std::abs(way_deg - made_deg) / 360.0));
+  // Gravity sees a tilt: only whole turns of it can be missing. A heading has to be nearer to what was asked for than to none.
+  const bool tilts = now.axis != Axis::heading;
+  const double slack_deg = tilts ? 60.0 : sum_error_deg;
+  const double most_deg = tilts ? quarter_deg : std::clamp(0.5 * way, sum_error_deg, quarter_deg);
+  const auto agrees = [&](double turned_deg) { return std::abs(turned_deg - way_deg) < most_deg; };
+  // What was learned may be of a turn that another axis had a part in: the nominal scale will do, too.
+  if (felt_of_a_degree_ ? agrees(made_deg) || agrees(*felt)
+                        : sign * *felt >= 0.25 * way - slack_deg && sign * *felt <= 2.0 * way + slack_deg)
+    return {};
+  const double left_deg = std::abs(way_deg - made_deg), whole_deg = 360.0 * std::round(left_deg / 360.0);
+  const bool whole = tilts || std::abs(left_deg - whole_deg) <= sum_error_deg;
+  const double missing_deg = whole ? std::max(360.0, whole_deg) : std::round(left_deg);
   return texts_.say("wrong.turn", {{"axis", name(now.axis)},
                                    {"felt", texts_.exact(std::round(made_deg) + 0.0)},
                                    {"way", texts_.exact(std::round(way_deg) + 0.0)},
-                                   {"missing", texts_.exact(360.0 * turns)},
+                                   {"missing", texts_.exact(missing_deg)},
                                    {"sense", sense_words(way_deg - made_deg)}});
 }
 

@@ -200,6 +200,13 @@ TEST_F(ManualTable, TheGyrosMustHaveFeltTheTurn) {
   felt[1] = 360.0;
   answer("0");
   EXPECT_FALSE(moving(Axis::heading));
+  // The dial of heading is nobody's to check: any part of a turn can be missing.
+  for (const auto& [dial, sense] : {std::pair{"-810", -1.0}, {"-720.05", 1.0}}) {
+    ask(desk, Axis::heading, std::stod(dial));
+    EXPECT_SAYS(answer(dial), sense < 0.0 ? "another 90 deg backward" : "another 90 deg forward");
+    felt[1] -= sense * 45.0;  // half a degree is felt of one
+    EXPECT_SAYS_NOT(answer(dial), "measured");
+  }
   EXPECT_EQ(desk.manual.task().kind, OperatorTask::Kind::nothing);
 }
 
