@@ -279,7 +279,7 @@ Status LiveDevices::leave_table(Status done, const std::string& how_left) {
     done = asked_to_stop(StopSignals::ends() > 0);
   const Status left = table_->leave();
   left_off_ = left.ok();
-  if (!left) return device_error(done ? left.error().message : done.error().message + "; " + left.error().message);
+  if (!left) return device_error(done ? left.error().message : left.error().message + "; " + done.error().message);
   return done ? done : Status(Error{done.error().kind, done.error().message + how_left});
 }
 

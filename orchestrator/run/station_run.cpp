@@ -136,7 +136,7 @@ StationRun::MaybeEvent StationRun::take(RunEvent now) {
     if (transition.to == RunState::failed && now == RunEvent::deadline) {
       outcome_.stop_failed = !outcome_.left;
       record.detail = outcome_.left ? devices_.chamber->not_verified() : stop_.not_verified("");
-      first_error_ = Error{ErrorKind::device, first_error_->message + "; " + record.detail};
+      first_error_ = Error{ErrorKind::device, record.detail + "; " + first_error_->message};
     }
   }
   // Without a change of state the next poll stays due.

@@ -119,7 +119,7 @@ TEST(StationRun, StopThatCannotBeVerifiedIsSaid) {
   const RunOutcome outcome = ended(s.run(), RunState::failed);
   EXPECT_EQ(exit_code(outcome.error.kind), 50);
   EXPECT_FALSE(s.watcher.saw(RunEvent::stopped_verified));
-  EXPECT_SAYS(outcome.error.message, "COULD NOT BE VERIFIED");
+  EXPECT_TRUE(outcome.error.message.starts_with("THE STOP COULD NOT BE VERIFIED")) << "whoever cuts the rest";
   EXPECT_SAYS(outcome.error.message, ": the link could not be opened again: ");
   EXPECT_EQ(outcome.error.message.find('\n'), std::string::npos);
 }
@@ -136,7 +136,8 @@ TEST(StationRun, DrivesThatStayOnAtTheEndAreSaidOnce) {
   const RunOutcome outcome = ended(s.run_on(table), RunState::failed);
   EXPECT_TRUE(outcome.stop_failed);
   EXPECT_FALSE(s.sink.finished) << "nothing is made of it";
-  EXPECT_SAYS(outcome.error.message, "did not switch off; THE STOP COULD NOT BE VERIFIED");
+  EXPECT_TRUE(outcome.error.message.starts_with("THE STOP COULD NOT BE VERIFIED"));
+  EXPECT_SAYS(outcome.error.message, "did not switch off");
   EXPECT_LT(s.clock.now_s() - parks_s,
             2.0 * 10.0 / 20.0 + s.station.motion.stall_s + s.station.motion.deadline_margin_s + 1.0);
 }
