@@ -147,6 +147,7 @@ StationRun::MaybeEvent StationRun::take(RunEvent now) {
   MaybeEvent pending;
   if (stop) pending = perform(transition.action, now);
   for (RunObserver* const one : hooks_.observers) one->on_transition(record);
+  if (is_final(state_) && first_error_) record.detail = first_error_->message;
   if (changed && state_ == RunState::selecting) hold();
   const auto write = [journal = hooks_.journal, record = std::move(record)] {
     return journal ? journal->transition(record) : Status{};

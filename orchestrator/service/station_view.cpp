@@ -184,6 +184,8 @@ std::string words_of(const JournalFields& transition) {
   if (state == "moving") return words + (detail.empty() ? "moving" : detail);
   if (state == "dwelling") return words + "at rest" + (detail.empty() ? "" : " (" + detail + ")");
   return words + state_words(state) + (detail.empty() ? "" : ": " + detail);
+  const std::optional<RunState> to = enum_from<RunState>(state);
+  if (to && is_final(*to) && !detail.empty()) return detail;  // as on the terminal, with the step
 }
 
 void show_run(const JournalContents& journal, double now_utc_s, StationView& view) {
@@ -290,6 +292,7 @@ StationView look_at(const ServedStation& station, double now_utc_s) {
   const std::string of_units =
       view.units.empty() ? "" : (view.units.size() > 1 ? "units " : "unit ") + join(view.units);
   switch (view.state) {
+  const bool failed = journal && value_of(journal->transition, "to") == to_string(RunState::failed);
     case StationState::running:
       view.headline = of_units + ", " + (view.pausing ? "a pause was requested: " : "") + view.phase;
       break;
@@ -305,7 +308,8 @@ StationView look_at(const ServedStation& station, double now_utc_s) {
       view.headline = left && journal->pause_asked ? of_units + " is paused: " + view.phase
                       : left                       ? of_units + " was left unfinished: " + view.phase
                              : fmt::format("no batch is running; units in the queue: {}", view.waiting.size());
-      view.urgent(left ? "start the batch again: it continues with " + of_units : "start the batch");
+      view.urgent((left && failed ? view.phase + ": put it right, then " : "") +
+                  (left ? "start the batch again: it continues with " + of_units : "start the batch"));
       if (left && journal->stop_unverified)
         view.urgent(
             "go to the table before anything else: it may still move and its drives may be on; press its emergency "

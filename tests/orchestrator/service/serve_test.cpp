@@ -58,9 +58,11 @@ class Serve : public Program {
 
 // A page of the station "east"; who posts gets the code of the answer.
 struct Served {
-  Served(const ServedStation& station, const std::string& operators) {
-    auto opened = ServicePage::open("127.0.0.1:0", {.stations = {station}, .password_file = operators, .database = {}},
-                                    [] { return 1.7e9; });
+  Served(const ServedStation& station, const std::string& operators, const std::string& database = "",
+         double now_s = 1.7e9) {
+    auto opened =
+        ServicePage::open("127.0.0.1:0", {.stations = {station}, .password_file = operators, .database = database},
+                          [=] { return now_s; });
     EXPECT_TRUE(opened) << opened.error().message;
     page = std::move(*opened);
     client.emplace(page->url().substr(0, page->url().size() - 1));
@@ -118,8 +120,7 @@ TEST_F(Serve, FollowsABatchAndPausesIt) {
   EXPECT_LT(*view.fraction, 1.0);
   EXPECT_SAYS(view.phase, "step");
 
-  const Result<std::string> done = act(station_, {"pause", ""}, "ana", *parse_utc("2026-01-02T00:00:00Z"));
-  EXPECT_TRUE(done) << done.error().message;
+  EXPECT_OK(act(station_, {"pause", ""}, "ana", *parse_utc("2026-01-02T00:00:00Z")));
   // A second one would be a second Ctrl-C, which stops now.
   look_until([](const StationView& now) { return now.pausing || now.state != StationState::running; }, 5);
   EXPECT_FALSE(act(station_, {"pause", ""}, "eve", 0.0));
@@ -133,6 +134,17 @@ TEST_F(Serve, FollowsABatchAndPausesIt) {
   EXPECT_EQ(view.for_a_person.front(), "start the batch again: it continues with unit SN1");
   EXPECT_FALSE(act(station_, {"stop", ""}, "ana", 0.0));  // nobody is there to be stopped, and nothing is written down
   EXPECT_EQ(file_text(path("queue.actions")), "2026-01-02T00:00:00Z ana pause\n");
+}
+
+TEST_F(Serve, SaysWhatStoppedAUnit) {
+  for (const std::string kind : {"emergency_stop", "imu_unplugged", "link_lost"}) {
+    write("queue", kind + "\n");
+    write("f.rig", "fault.1.kind = " + kind + "\nfault.1.time_s = 30\n");
+    const std::string said = run({"batch", "queue", "--dry-run", "--out", "runs", "--rig", "f.rig"}).err;
+    const std::string why = look().headline.substr(("unit " + kind + " was left unfinished: ").size());
+    EXPECT_SAYS(said, "unit " + kind + ": " + why + "\n") << "the same reason";
+    EXPECT_SAYS(join(look().for_a_person), why + ": put it right, then start the batch again");
+  }
 }
 
 TEST_F(Serve, TellsABatchThatItsUnitIsMounted) {
@@ -153,8 +165,7 @@ TEST_F(Serve, TellsABatchThatItsUnitIsMounted) {
   EXPECT_EQ(look().headline, "waiting for unit SN.1 to be mounted");
   EXPECT_FALSE(act(station_, {"mounted", "SN0"}, "ana", 0.0));
   write("queue", "SN.1\n");
-  const Result<std::string> done = act(station_, {"mounted", "SN.1"}, "ana", 0.0);
-  EXPECT_TRUE(done) << done.error().message;
+  EXPECT_OK(act(station_, {"mounted", "SN.1"}, "ana", 0.0));
   const ProgramResult result = finish_batch(batch);
   EXPECT_EQ(result.code, 50) << result.err;  // it went on, to devices that are not there
   EXPECT_FALSE(std::filesystem::exists(path("queue.mounting")));
@@ -162,9 +173,7 @@ TEST_F(Serve, TellsABatchThatItsUnitIsMounted) {
 
 TEST_F(Serve, NobodyButAnOperatorChangesAnything) {
   write("queue", "SN1\n");
-  const std::string operators = write_operators(std::string("ana:") + hash_of_secret + "\n");
-  Served s(station_, operators);
-  bool known = false;
+  Served s(station_, write_operators(std::string("ana:") + hash_of_secret + "\n"));
   const auto post = [&](const std::string& name, const std::string& password, bool marked, const std::string& body) {
     // One password in half a second, but for who is known by it.
     if (!known) std::this_thread::sleep_for(std::chrono::milliseconds(600));
@@ -204,13 +213,10 @@ TEST_F(Serve, ShowsTheResultsOfAllStationsOfADatabase) {
                          Row{"r4", "SN4", "2026-01-02T11:30:00Z", "running", "east"},
                          Row{"r5", "SN5", "2026-01-02T09:00:00Z", "conditional_pass", "west"}}) {
     AttemptRecord attempt;
-    attempt.run = row.run;
-    attempt.unit = row.unit;
+    std::tie(attempt.run, attempt.unit, attempt.outcome, attempt.station) =
+        std::tie(row.run, row.unit, row.outcome, row.station);
     attempt.began_utc = attempt.time_utc = row.time;
-    attempt.outcome = row.outcome;
-    attempt.station = row.station;
-    const Status noted = database->note(attempt);
-    ASSERT_TRUE(noted) << noted.error().message;
+    ASSERT_OK(database->note(attempt));
   }
   const ResultsView view = look_at_results(path("line.db"), now);
   EXPECT_EQ(view.defect, "");
@@ -223,14 +229,11 @@ TEST_F(Serve, ShowsTheResultsOfAllStationsOfADatabase) {
   EXPECT_EQ(view.stations[1].passed, 1U);
 
   write("queue", "SN1\n");
-  auto page = ServicePage::open(
-      "127.0.0.1:0", {.stations = {station_}, .password_file = {}, .database = path("line.db")}, [now] { return now; });
-  ASSERT_TRUE(page) << page.error().message;
-  httplib::Client client((*page)->url().substr(0, (*page)->url().size() - 1));
+  Served s(station_, {}, path("line.db"), now);
   std::string body;
   for (int i = 0; i < 200 && body.find("\"last_unit\":\"SN3\"") == std::string::npos; ++i) {
     std::this_thread::sleep_for(std::chrono::milliseconds(50));
-    if (const auto status = client.Get("/status.json")) body = status->body;
+    if (const auto status = s.client->Get("/status.json")) body = status->body;
   }
   EXPECT_SAYS(body, "\"last_unit\":\"SN3\"");
 }
@@ -364,11 +367,8 @@ TEST_F(Serve, TellsOfAnEventOnceAtMost) {
   EXPECT_SAYS(looked(), "stopped");
   view.tone = Tone::attention;  // paused
   ResultsView results;
-  StationResults day;
-  day.station = "east";
-  day.judged = 10;
-  day.passed = 8;
-  results.stations = {day};
+  results.stations.emplace_back().station = "east";
+  std::tie(results.stations[0].judged, results.stations[0].passed) = std::tuple(10, 8);
   EXPECT_EQ(looked(results), "");
   results.stations.front().passed = 7;
   EXPECT_SAYS(looked(results), "7 of 10 passed in the last 24 hours, expected 80 %");
@@ -389,11 +389,9 @@ TEST_F(Serve, AnAlertThatFailsHoldsNobodyUpAndIsShown) {
   write("alerts", "");
   write("queue.state", "fail 2026-01-01T00:00:00Z SN1 # N01\n");
   const auto open = [&](const std::string& and_then) {
+    const AlertConfig alert = telling(path("heard"), path("alerts"), and_then);
     return ServicePage::open("127.0.0.1:0",
-                             {.stations = {station_},
-                              .password_file = "",
-                              .database = {},
-                              .alert = telling(path("heard"), path("alerts"), and_then)},
+                             {.stations = {station_}, .password_file = "", .database = {}, .alert = alert},
                              [] { return 1.7e9; });
   };
   Result<std::unique_ptr<ServicePage>> page = open("sleep 60");
