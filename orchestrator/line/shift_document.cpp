@@ -39,12 +39,13 @@ std::string head_text(const ShiftReport& report) {
 }
 
 std::string yield_text(const LineYield& yield, double target, bool reached) {
-  std::string text = fmt::format("First pass {}, final yield {}; {} attempts, {:.1f} h on the table",
+  std::string text = fmt::format("First pass {}, final yield {}; {} attempt{}, {:.1f} h on the table",
                                  share(yield.first_pass, true).words, share(yield.final_pass, false).words,
-                                 yield.attempts, yield.hours);
+                                 yield.attempts, yield.attempts == 1 ? "" : "s", yield.hours);
   if (yield.hours_lost > 0.0) text += fmt::format(", {:.1f} h of them without a good unit", yield.hours_lost);
   if (yield.running > 0) text += fmt::format("; {} still running or never ended", yield.running);
-  if (target > 0.0) text += fmt::format("; the target of {} is {}", percent(target), reached ? "reached" : "missed");
+  if (target > 0.0 && yield.first_pass.all > 0)
+    text += fmt::format("; the target of {} is {}", percent(target), reached ? "reached" : "missed");
   return text + ".";
 }
 
@@ -336,7 +337,7 @@ Table control_table(const std::vector<ChartedQuantity>& quantities) {
 Document shift_document(const ShiftReport& report) {
   Document document{"turncal: shift report of " + report.source, "Shift report"};
   document.soft(head_text(report), Scope::all);
-  const bool reached = report.yield.first_pass.value() >= report.target;
+  const bool reached = report.yield.first_pass.reaches(report.target);
   const char* const style = !reached ? "unexplained" : report.yield.reasons.empty() ? "clean" : "extended";
   document.add(Paragraph{yield_text(report.yield, report.target, reached), std::string("verdict ") + style});
   if (report.attempts.empty()) {

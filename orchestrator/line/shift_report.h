@@ -32,6 +32,7 @@ namespace turncal {
 struct Share {
   std::size_t part = 0, all = 0;
   double value() const { return all > 0 ? double(part) / double(all) : 0.0; }
+  bool reaches(double of_1) const { return double(part) >= of_1 * double(all) - 1e-9; }  // 38 of 40 are 95 %
   std::pair<double, double> interval() const;
 };
 

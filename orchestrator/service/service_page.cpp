@@ -14,6 +14,7 @@
 #include "imu_io/base/key_value.h"
 #include "imu_io/base/text.h"
 #include "imu_io/recordings/recording_check.h"
+#include "orchestrator/line/shift_report.h"
 #include "orchestrator/records/journal.h"
 #include "orchestrator/report/document.h"
 #include "orchestrator/station/number_text.h"
@@ -238,7 +239,7 @@ std::vector<Event> events_in(const std::vector<StationView>& stations, const std
   }
   if (!results || !results->until_utc.empty() || !least_yield) return events;
   for (const StationResults& s : results->stations)
-    if (s.judged >= Alerts::least_judged && double(s.passed) < *least_yield * double(s.judged))
+    if (s.judged >= Alerts::least_judged && !Share{s.passed, s.judged}.reaches(*least_yield))
       events.push_back({{"yield", "", "",
                          fmt::format("{} of {} passed in the last 24 hours, expected {:.0f} %", s.passed, s.judged,
                                      *least_yield * 100.0),

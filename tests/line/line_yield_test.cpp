@@ -100,6 +100,13 @@ TEST(LineYield, IntervalIsWilsons) {
   EXPECT_NEAR(few, 0.2775, 1e-4);
 }
 
+TEST(LineYield, AsManyAsTheTargetSaysReachIt) {
+  for (std::size_t percent = 1; percent <= 100; ++percent)
+    for (std::size_t wanted = percent, all = 100; all < 5000; wanted += percent, all += 100)
+      for (const std::size_t part : {wanted - 1, wanted})
+        EXPECT_EQ((Share{part, all}.reaches(0.01 * double(percent))), part == wanted) << percent << " % of " << all;
+}
+
 StoredCalibration calibration(const std::string& unit, const std::string& station, double day, double n01,
                               double sigma) {
   StoredCalibration c;
