@@ -6,6 +6,7 @@
 
 #include <algorithm>
 #include <filesystem>
+#include <functional>
 #include <map>
 
 #include "imu_io/base/console.h"
@@ -101,27 +102,27 @@ int last_group(const std::string& out) {
   return last;
 }
 
-Result<std::optional<Turn>> interrupted_group(const std::string& out, const std::vector<std::string>& to_do,
-                                              const std::vector<UnitOutcome>& outcomes) {
-  const int last = last_group(out);
-  const std::string folder = group_folder(out, last);
-  if (last == 0 || !path_exists(folder + "/" + journal_name)) return std::optional<Turn>();
-  const JournalContents journal = TRY(read_journal(folder + "/" + journal_name));
-  const bool over = is_over(journal);
-  for (const std::string& unit : journal.units()) {
-    if (std::ranges::find(to_do, unit) == to_do.end()) continue;
-    // A run that is over has recorded all its units in the queue, unless it was interrupted just then.
-    if (!over || !find_outcome(outcomes, unit)) return std::optional(Turn{journal.units(), folder});
-  }
-  return std::optional<Turn>();
-}
-
 Result<Turn> next_turn(const BatchOptions& options) {
   const std::vector<std::string> queue = TRY(read_queue(options.queue));
   const std::vector<UnitOutcome> outcomes = TRY(read_outcomes(options.queue));
   const std::vector<std::string> to_do = next_units(queue, outcomes, queue.size());
-  const std::optional<Turn> interrupted = TRY(interrupted_group(options.out, to_do, outcomes));
-  if (interrupted) return *interrupted;
+  // The newest run that was begun and is not done comes first: its units are on the table.
+  std::vector<std::string> folders = {group_folder(options.out, last_group(options.out))};
+  for (const std::string& unit : to_do) folders.push_back(folder_for(options.out, unit, find_outcome(outcomes, unit)));
+  std::erase_if(folders, [](const std::string& folder) { return !path_exists(folder + "/" + journal_name); });
+  std::ranges::sort(folders, std::greater{}, [](const std::string& folder) {
+    std::error_code none;
+    return std::filesystem::last_write_time(folder + "/" + journal_name, none);
+  });
+  for (const std::string& folder : folders) {
+    const JournalContents journal = TRY(read_journal(folder + "/" + journal_name));
+    // A run that is over has told the queue of all its units, unless it was interrupted just then.
+    const auto waits = [&, over = is_over(journal)](const std::string& unit) {
+      return holds(to_do, unit) && (!over || !find_outcome(outcomes, unit));
+    };
+    const std::vector<std::string> units = journal.units();
+    if (std::ranges::any_of(units, waits)) return Turn{units, folder};
+  }
   Turn turn{next_units(queue, outcomes, options.at_once), ""};
   if (turn.units.size() == 1)
     turn.folder = folder_for(options.out, turn.units.front(), find_outcome(outcomes, turn.units.front()));

@@ -25,10 +25,11 @@ queue SN8
 batch --rig lost.rig
 try resume units/SN8
 
-# A fault of the table stops it, and with the next call it goes on; with the sequence that it began with.
+# A fault of the table stops it, and with the next call it goes on, wherever the queue has the unit by then; with the sequence that it began with.
 queue SN9 SN10
 fault 1 axis_fault axis pitch time_s 60 > fault.rig
 batch --rig fault.rig
+queue SN10 SN9
 cp "$demo" other.seq
 try batch queue --dry-run --out units --sequence other.seq
 
