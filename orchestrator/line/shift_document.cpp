@@ -175,11 +175,13 @@ void add_with_units(Table table, std::size_t key, const std::vector<ChartedQuant
   document.add(std::move(table));
 }
 
-// Links to the report of its run, if it is on this machine.
-Cell unit_cell(const std::string& unit, const std::string& folder) {
+// Leads to the report of its run, where there is one on this machine or `link` knows of one.
+Cell unit_cell(const std::string& unit, const std::string& folder, const RunLink& link = {}) {
   std::error_code none;
-  const std::filesystem::path report = std::filesystem::absolute(folder, none) / "diagnosis/report.html";
-  return std::filesystem::exists(report, none) ? linked(name(unit), report.string()) : name(unit);
+  const std::filesystem::path file = std::filesystem::absolute(folder, none) / "diagnosis/report.html";
+  const std::string here = std::filesystem::exists(file, none) ? file.string() : "";
+  const std::string report = link ? link(folder, "report.html") : here;
+  return report.empty() ? name(unit) : linked(name(unit), report);
 }
 
 // Lists the newest first.
@@ -457,7 +459,7 @@ void add_control_charts(const std::vector<ChartedQuantity>& quantities, Document
   }
 }
 
-Document history_document(const std::vector<StoredCalibration>& all, const std::string& source) {
+Document history_document(const std::vector<StoredCalibration>& all, const std::string& source, const RunLink& link) {
   const bool simulated = !all.empty() && all.front().simulated;
   Document document{"turncal: control charts of " + source, "Control charts"};
   document.soft(fmt::format("{}, {} calibration{}{}", source, all.size(), all.size() == 1 ? "" : "s",
@@ -476,8 +478,8 @@ Document history_document(const std::vector<StoredCalibration>& all, const std::
                text("station")}};
   for (std::size_t i = 0; i < all.size(); ++i) {
     const StoredCalibration& c = all[i];
-    table.row({count(i + 1), count(std::size_t(c.id)), unit_cell(c.unit, c.folder), number(c.time_utc), word(c.verdict),
-               text(c.operator_name), text(c.station)});
+    table.row({count(i + 1), count(std::size_t(c.id)), unit_cell(c.unit, c.folder, link), number(c.time_utc),
+               word(c.verdict), text(c.operator_name), text(c.station)});
   }
   document.add(std::move(table));
   return document;
@@ -510,7 +512,7 @@ Document unit_document(const UnitRecord& record) {
   runs.head.front() = text("");
   document.add(std::move(runs));
   if (calibrations.empty()) return document;
-  const Document history = history_document(calibrations, "The parameters over time");
+  const Document history = history_document(calibrations, "The parameters over time", record.link);
   document.blocks.insert(document.blocks.end(), history.blocks.begin(), history.blocks.end());
   return document;
 }

@@ -156,16 +156,19 @@ void add_control_table(const std::vector<ChartedQuantity>& quantities, Document&
 // the signals of the run rules. A quantity in no group has no chart.
 void add_control_charts(const std::vector<ChartedQuantity>& quantities, Document& document);
 
-// Charts every parameter over the calibrations. `all`: oldest first, either real or simulated. `source`: where they come from, in words.
-Document history_document(const std::vector<StoredCalibration>& all, const std::string& source);
+// Where the report or the certificate of a run is found; empty: nowhere.
+using RunLink = std::function<std::string(const std::string& folder, const std::string& file)>;
+
+// Every parameter over the calibrations. `all`: oldest first, either real or simulated. `source`: where they come from, in words.
+Document history_document(const std::vector<StoredCalibration>& all, const std::string& source,
+                          const RunLink& link = {});
 
 // Everything on record about a serial number.
 struct UnitRecord {
   std::string unit;
   std::vector<AttemptRecord> attempts;          // oldest first
   std::vector<StoredCalibration> calibrations;  // oldest first, with all values
-  // Returns the link to a file of a run; empty: it is not served.
-  std::function<std::string(const std::string& folder, const std::string& file)> link;
+  RunLink link;
 };
 // Shows its runs, its parameters now and over time, and its certificates. Real and simulated ones are not mixed: those of the newest count.
 Document unit_document(const UnitRecord& record);

@@ -433,15 +433,16 @@ Result<UnitRecord> record_of(const ServiceConfig& config, const std::string& uni
   for (const ServedStation& station : config.stations) {
     const Result<std::vector<UnitOutcome>> outcomes = read_outcomes(station.queue);
     const UnitOutcome* const outcome = outcomes ? find_outcome(*outcomes, unit) : nullptr;
-    if (!outcome || !record.attempts.empty()) continue;
+    const std::string folder = last_folder(station.runs, unit);
+    const Result<JournalContents> journal = read_journal(folder + "/" + journal_name);
+    if ((!outcome && !journal) || !record.attempts.empty()) continue;
     AttemptRecord& attempt = record.attempts.emplace_back();
     attempt.unit = unit;
-    attempt.time_utc = outcome->time_utc;
-    attempt.outcome = outcome->outcome;
-    attempt.reason = outcome->reason;
+    attempt.time_utc = outcome ? outcome->time_utc : journal->begin_value("began_utc");
+    attempt.outcome = outcome ? outcome->outcome : outcome_running;
+    attempt.reason = outcome ? outcome->reason : "";
     attempt.station = station.name;
-    attempt.folder = last_folder(station.runs, unit);
-    const Result<JournalContents> journal = read_journal(attempt.folder + "/" + journal_name);
+    attempt.folder = folder;
     if (!journal) continue;
     attempt.simulated = journal->begin_value("simulated") == "true";
     attempt.began_utc = journal->begin_value("began_utc");
@@ -451,6 +452,13 @@ Result<UnitRecord> record_of(const ServiceConfig& config, const std::string& uni
 }
 
 }  // namespace
+  for (AttemptRecord& attempt : record.attempts) {
+    if (attempt.outcome != outcome_running || lock_holder(attempt.folder + "/.lock")) continue;
+    const Result<JournalContents> journal = read_journal(attempt.folder + "/" + journal_name);
+    if (!journal) continue;
+    attempt.outcome = to_string(RunState::interrupted);  // whoever worked on it could not say so
+    attempt.reason = words_of(journal->transition);
+  }
 
 std::optional<std::string> report_file(const ServiceConfig& config, std::string_view path) {
   const std::vector<std::string_view> parts = split(path, '/');
