@@ -397,7 +397,8 @@ std::string metrics_of(const std::vector<StationView>& stations, const ResultsVi
              {"run_progress_ratio", v.fraction},
              {"run_end_timestamp_seconds", v.run_end_utc_s},
              {"unit_seconds", v.unit_s}})
-      add(name, v.name, "", value);
+      if (v.state != StationState::unreadable || holds({"station_readable", "station_tone"}, name))
+        add(name, v.name, "", value);
   for (const StationResults& s : results.until_utc.empty() ? results.stations : std::vector<StationResults>())
     for (const auto& [name, count] :
          {std::pair{"day_attempts", s.attempts}, std::pair{"day_judged", s.judged}, std::pair{"day_passed", s.passed}})
