@@ -31,6 +31,9 @@
 #include "orchestrator/station/number_text.h"
 #include "orchestrator/station/station_config.h"
 
+// After Eigen: it has a macro with the name of one of its parameters.
+#include <resolv.h>
+
 namespace turncal {
 
 namespace {
@@ -181,11 +184,11 @@ std::string words_of(const JournalFields& transition) {
   const std::string& detail = value_of(transition, "detail");
   const std::string step = value_of(transition, "step");
   std::string words = step.empty() || step == "0" ? "" : "step " + step + ": ";
+  const std::optional<RunState> to = enum_from<RunState>(state);
+  if (to && is_final(*to) && !detail.empty()) return detail;  // as on the terminal, with the step
   if (state == "moving") return words + (detail.empty() ? "moving" : detail);
   if (state == "dwelling") return words + "at rest" + (detail.empty() ? "" : " (" + detail + ")");
   return words + state_words(state) + (detail.empty() ? "" : ": " + detail);
-  const std::optional<RunState> to = enum_from<RunState>(state);
-  if (to && is_final(*to) && !detail.empty()) return detail;  // as on the terminal, with the step
 }
 
 void show_run(const JournalContents& journal, double now_utc_s, StationView& view) {
@@ -289,10 +292,10 @@ StationView look_at(const ServedStation& station, double now_utc_s) {
     show_run(*journal, now_utc_s, view);
   }
 
+  const bool failed = journal && value_of(journal->transition, "to") == to_string(RunState::failed);
   const std::string of_units =
       view.units.empty() ? "" : (view.units.size() > 1 ? "units " : "unit ") + join(view.units);
   switch (view.state) {
-  const bool failed = journal && value_of(journal->transition, "to") == to_string(RunState::failed);
     case StationState::running:
       view.headline = of_units + ", " + (view.pausing ? "a pause was requested: " : "") + view.phase;
       break;
@@ -449,10 +452,6 @@ Result<UnitRecord> record_of(const ServiceConfig& config, const std::string& uni
     attempt.began_utc = journal->begin_value("began_utc");
     if (journal->seal_utc_s) attempt.time_utc = format_utc(*journal->seal_utc_s);  // a dry run has a clock of its own
   }
-  return record;
-}
-
-}  // namespace
   for (AttemptRecord& attempt : record.attempts) {
     if (attempt.outcome != outcome_running || lock_holder(attempt.folder + "/.lock")) continue;
     const Result<JournalContents> journal = read_journal(attempt.folder + "/" + journal_name);
@@ -460,6 +459,10 @@ Result<UnitRecord> record_of(const ServiceConfig& config, const std::string& uni
     attempt.outcome = to_string(RunState::interrupted);  // whoever worked on it could not say so
     attempt.reason = words_of(journal->transition);
   }
+  return record;
+}
+
+}  // namespace
 
 std::optional<std::string> report_file(const ServiceConfig& config, std::string_view path) {
   const std::vector<std::string_view> parts = split(path, '/');
@@ -582,21 +585,11 @@ Result<std::map<std::string, std::string>> read_operators(const std::string& pat
   return hashes;
 }
 
-std::optional<std::string> from_base64(std::string_view text) {
-  std::string bytes;
-  unsigned bits = 0, held = 0;
-  while (!text.empty() && text.back() == '=') text.remove_suffix(1);
-  for (const char c : text) {
-    const std::string_view alphabet = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
-    const std::size_t value = alphabet.find(c);
-    if (value == std::string_view::npos) return {};
-    bits = (bits << 6U) | unsigned(value);
-    held += 6;
-    if (held < 8) continue;
-    held -= 8;
-    bytes += char((bits >> held) & 0xffU);
-  }
-  return bytes;
+std::optional<std::string> from_base64(const std::string& text) {
+  std::string bytes(text.size(), '\0');
+  const int size = ::b64_pton(text.c_str(), reinterpret_cast<unsigned char*>(bytes.data()), bytes.size());
+  bytes.resize(std::size_t(std::max(size, 0)));
+  return size < 0 ? std::nullopt : std::optional(bytes);
 }
 
 bool is_password(const std::string& password, const std::string& hash) {
@@ -620,7 +613,7 @@ Result<std::string> authorised_operator(const std::string& path, std::string_vie
   const std::map<std::string, std::string> operators = TRY(read_operators(path));
   const std::string_view scheme = "Basic ";
   const std::optional<std::string> given =
-      authorization.starts_with(scheme) ? from_base64(authorization.substr(scheme.size())) : std::nullopt;
+      authorization.starts_with(scheme) ? from_base64(std::string(authorization.substr(scheme.size()))) : std::nullopt;
   const std::size_t colon = given ? given->find(':') : std::string::npos;
   if (colon == std::string::npos || given->find('\0') != std::string::npos)
     return input_error("name and password: expected");
