@@ -135,14 +135,12 @@ std::string verdict_title(std::string_view word) {
   return title;
 }
 
-Facts verdict_facts(const std::string& verdict, const std::string& why_not_trusted, const std::string& reason) {
-  if (why_not_trusted.empty()) return {{{"verdict", verdict + "; parameters trusted"}, {"reason", reason}}};
-  const std::string both = reason + (reason.empty() ? "" : "; ") + why_not_trusted;
-  return {{{"verdict", verdict + "; parameters not trusted"}, {"reason", both}}};
+Facts verdict_facts(const std::string& verdict, bool trusted, const std::string& reason) {
+  return {{{"verdict", verdict + (trusted ? "; parameters trusted" : "; parameters not trusted")}, {"reason", reason}}};
 }
 
 std::string brief_reason(const Diagnosis& d) {
-  const std::string latitude = d.latitude.empty() ? "" : d.latitude + "; ";
+  const std::string latitude = d.why_not_trusted.starts_with(d.latitude) ? "" : d.latitude + "; ";
   if (d.verdict == Verdict::extended) {
     std::vector<std::string> effects;
     for (const std::string& name : d.effect_names) {
@@ -152,12 +150,10 @@ std::string brief_reason(const Diagnosis& d) {
       effects.push_back(describe_effect(d, name, 1, false));
       if (probability > 0.0) effects.back() += ", probability " + words_of_probability(probability);
     }
-    return latitude + "added: " + join(effects, "; ");
+    return latitude + "added: " + join(effects, "; ") + (d.trusted() ? "" : "; " + d.why_not_trusted);
   }
+  if (!d.trusted()) return latitude + d.why_not_trusted;
   if (d.verdict == Verdict::noise_model) return latitude + "the assumed noise does not fit the data";
-  if (d.verdict == Verdict::unexplained)
-    return latitude + "effects of the catalogue do not explain all of the residual";
-  if (d.verdict == Verdict::not_tested) return "the data determine nothing to be judged";
   const std::string missing = "; probability that something is missing: " + words_of_probability(d.statements.anything);
   return latitude + "the parameters explain the data" + (d.statements.tested ? missing : "");
 }
