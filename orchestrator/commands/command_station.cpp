@@ -187,15 +187,15 @@ Status commission(const Options& options, const StationConfig& station, LiveDevi
     TRY(live.commission_table(known, options.tolerance_deg));
     if (!connected) return connected;
     out << "every axis reads where it stands; no other word order, sign or scale would" << std::endl;
-  } else if (!is_commissioned(station.table)) {
+    said_last = is_commissioned(station.table) ? "call this without angles to have the axes moved"
+                                               : "write commissioned = true into your copy of the table's file, then "
+                                                 "call this again without angles";
+    return {};
+  }
+  if (!is_commissioned(station.table))
     return input_error(
         "the table is not commissioned: expected --heading, --pitch and --roll, the angles (not 0) at which its axes "
         "stand");
-  }
-  if (!is_commissioned(station.table)) {
-    said_last = "write commissioned = true into your copy of the table's file, then call this again without angles";
-    return {};
-  }
   TRY(devices.imu.open());
   switched_on = true;
   said_last = "every axis turns the unit as it should, and gravity is measured where it should be";
