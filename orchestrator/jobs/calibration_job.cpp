@@ -23,7 +23,9 @@
 #include "imu_io/base/text.h"
 #include "orchestrator/figures/diagnosis_figures.h"
 #include "orchestrator/jobs/navigation/navigation_job.h"
+#include "orchestrator/records/journal.h"
 #include "orchestrator/report/result_table.h"
+#include "orchestrator/station/station_config.h"
 #include "orchestrator/station/version.h"
 
 namespace turncal {
@@ -385,6 +387,16 @@ Result<Segmentation> find_rests(RecordingSource& source, const SegmentationOptio
                                         : found.reason));
 }
 
+// Of a complete run, the first step of its north seeking, whose rests are no part of its calibration; 0: there is none.
+int north_seeking_step(const std::string& path) {
+  const Result<JournalContents> journal = read_journal(folder_of(path) + "/" + journal_name);
+  if (!journal || !journal->seal_utc_s || journal->begin_value("verify") != "true") return 0;
+  const Result<Sequence> seeking = parse_sequence(std::string(builtin_verify_text), builtin_verify_name);
+  const std::optional<int> last = parse_integer<int>(value_of(journal->transition, "step"));
+  const int first = seeking && last ? *last + 1 - int(seeking->steps.size()) : 0;
+  return first > 1 ? first : 0;
+}
+
 Result<LoadedRecording> load_recording(RecordingSource& source, const std::function<void(std::int64_t)>& progress,
                                        const std::optional<CompressionOptions>& blocks, int before_step) {
   LoadedRecording loaded;
@@ -396,6 +408,7 @@ Result<LoadedRecording> load_recording(RecordingSource& source, const std::funct
                     std::ranges::count(segments, SegmentKind::still, &Segment::kind));
   }
   loaded.path = source.path();
+  if (before_step == 0) before_step = north_seeking_step(source.path());
   loaded.damage = source.damage();
   loaded.by_hand = without_table_angles(segments);
   Compressor compressor(source.info(),

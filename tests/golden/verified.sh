@@ -10,6 +10,8 @@ seek verifying v "--sequence $demo"
 numbers() { grep -E '^(sigma\.)?[NAna][0-9]+ = ' "$1"; }
 numbers plain/parameters.conf > plain.numbers
 numbers v/parameters.conf | cmp - plain.numbers && echo "calibrated as without"
+turncal calibrate v --out repeated > said
+numbers repeated/parameters.conf | cmp - plain.numbers && echo "repeated: calibrated as without"
 cat v/verification.conf
 try journal v
 try history rows.db --attempts --format csv
