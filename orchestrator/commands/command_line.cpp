@@ -92,8 +92,8 @@ CLI::Validator time_in(double low, double high, const std::string& unit) {
       [=](std::string& text) {
         const double value = seconds_in(text).value_or(NAN) / seconds_of.at(unit);
         if (!(value >= low && value <= high))
-          return fmt::format("'{}': expected a time from {}{} to {}{}, with its unit: 90s, 40min, 1h30min, 30d", text,
-                             low, unit, high, unit);
+          return fmt::format("'{}': expected a time from {}{} to {}{}, with its unit (s, min, h, d)", text, low, unit,
+                             high, unit);
         text = format_number(value);
         return std::string();
       },

@@ -400,7 +400,7 @@ Status run_twin(const TwinCommandOptions& options, CommandContext& context) {
               << format_number(settings.speed_up) << " times real time, rig seed " << rig.seed << std::endl;
   const Status status = twin->run(
       StopSignals::requests(), [&context](const std::string& what) { context.out << "[twin] " << what << std::endl; });
-  context.out << "[twin] ends at " << format_number(twin->rig_time_s()) << " s of rig time";
+  context.out << "[twin] ends at " << fmt::format("{:.3f}", twin->rig_time_s()) << " s of rig time";
   if (twin->batches_dropped() > 0)
     context.out << "; " << twin->batches_dropped() << " batches of samples were not read in time";
   context.out << std::endl;

@@ -232,9 +232,10 @@ std::vector<std::string> missing_keys(const ParameterFile& file, const Parties& 
 std::string certificate_page(const Certificate& c) {
   const ParameterFile& f = c.file;
   const std::string serial = html_escape(f.unit_serial);
+  const char* const kind = !c.specimen ? "" : f.simulated ? ": specimen, simulated data" : ": specimen";
   std::string body = c.specimen ? "<div class=\"mark\">SPECIMEN</div>\n" : "";
-  body +=
-      "<h1>Calibration certificate</h1>\n<p class=\"no\">No. " + serial + " / " + html_escape(f.time_utc) + "</p>\n";
+  body += fmt::format("<h1>Calibration certificate{}</h1>\n<p class=\"no\">No. {} / {}</p>\n", kind, serial,
+                      html_escape(f.time_utc));
   if (const std::string words = not_conforming(c.conformity.verdict); !words.empty())
     body += "<p class=\"not\">" + words + "</p>\n";
   body += "<div class=\"two\">" +

@@ -119,7 +119,8 @@ LiveStatus::Headline LiveStatus::headline() const {
   const std::string step = "step " + std::to_string(s.step_place) + "/" + std::to_string(s.step_count) + ", ";
   Headline head{"Running: " + step + phase_words(s, run_.by_hand), gone.empty() ? Tone::good : Tone::attention};
   if (waits_for_operator(s, run_.by_hand)) {
-    head = {"Waits for the operator: " + step + phase_words(s, run_.by_hand), Tone::attention};
+    const bool paused = operator_ && operator_->task.kind == OperatorTask::Kind::paused;
+    head = {(paused ? "Paused: " : "Waits for the operator: ") + step + phase_words(s, run_.by_hand), Tone::attention};
   } else if (s.state == RunState::stopping) {
     head = {"Stopping: " + (last_error_.empty() ? step + "the table" : last_error_), Tone::attention};
   }
@@ -149,7 +150,8 @@ std::string LiveStatus::json() const {
   o.text("phase", phase_words(s, run_.by_hand));
   o.number("phase_fraction", s.phase_fraction);
   o.number("run_fraction", s.run_fraction);
-  o.text("table", std::string(to_string(s.table)) + (s.chamber.empty() ? "" : "; " + s.chamber));
+  o.text("table", (waits_for_operator(s, run_.by_hand) ? "by hand" : std::string(to_string(s.table))) +
+                      (s.chamber.empty() ? "" : "; " + s.chamber));
   o.raw("position_deg", json_of(s.position_deg));
   o.raw("rate_degps", json_of(s.rate_degps));
   o.number("eta_s", s.eta_s);
