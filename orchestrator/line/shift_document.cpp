@@ -175,7 +175,7 @@ void add_with_units(Table table, std::size_t key, const std::vector<ChartedQuant
   document.add(std::move(table));
 }
 
-// Leads to the report of its run, where there is one on this machine or `link` knows of one.
+// Links to the report of its run, if it is on this machine or `link` knows of one.
 Cell unit_cell(const std::string& unit, const std::string& folder, const RunLink& link = {}) {
   std::error_code none;
   const std::filesystem::path file = std::filesystem::absolute(folder, none) / "diagnosis/report.html";

@@ -156,10 +156,10 @@ void add_control_table(const std::vector<ChartedQuantity>& quantities, Document&
 // the signals of the run rules. A quantity in no group has no chart.
 void add_control_charts(const std::vector<ChartedQuantity>& quantities, Document& document);
 
-// Where the report or the certificate of a run is found; empty: nowhere.
+// Returns the link to the report or certificate of a run; empty: there is none.
 using RunLink = std::function<std::string(const std::string& folder, const std::string& file)>;
 
-// Every parameter over the calibrations. `all`: oldest first, either real or simulated. `source`: where they come from, in words.
+// Charts every parameter over the calibrations. `all`: oldest first, either real or simulated. `source`: where they come from, in words.
 Document history_document(const std::vector<StoredCalibration>& all, const std::string& source,
                           const RunLink& link = {});
 

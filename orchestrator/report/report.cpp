@@ -371,7 +371,7 @@ Document begin_document(const Diagnosis& diagnosis, const DiagnosisContext& cont
   Document document{"turncal diagnosis, unit " + unit, "Calibration diagnosis, unit " + unit};
   add_identity(context, document);
   document.add(Paragraph{sentence, "verdict " + std::string(to_string(diagnosis.verdict))}, Scope::page);
-  document.add(verdict_facts(verdict_title(diagnosis.verdict), diagnosis.trusted(), brief_reason(diagnosis)),
+  document.add(verdict_facts(verdict_title(to_string(diagnosis.verdict)), diagnosis.trusted(), brief_reason(diagnosis)),
                Scope::brief);
   document.add(Facts{{{context.of_run ? "diagnosis" : "verdict", sentence}}}, Scope::terminal);
   return document;

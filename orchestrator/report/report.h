@@ -51,8 +51,8 @@ struct DiagnosisContext {
 
 inline constexpr std::size_t diagnosis_lines = 30;  // upper limit on the terminal
 
-std::string verdict_title(Verdict verdict);
-// The same two lines on terminal, page and in JSON: verdict with trust, and the reason in a few words.
+std::string verdict_title(std::string_view word);  // of a file: "Noise model"
+// Returns the two lines that terminal, page and JSON share: verdict with trust, and the reason in a few words.
 Facts verdict_facts(const std::string& verdict, bool trusted, const std::string& reason);
 std::string brief_reason(const Diagnosis& diagnosis);
 // Returns the verdict as one sentence with numbers.

@@ -114,7 +114,8 @@ Document calibration_document(const ParameterFile& file, const std::vector<std::
     document.add(Paragraph{"Simulated data: these are not the parameters of a real unit.", "loud"}, Scope::page);
   const bool trusted = is_trusted(file);
   const char* const found = "nothing contradicts the fit; turncal diagnose tests it further";
-  document.add(verdict_facts("Calibrated", trusted, trusted ? found : why_not_trusted(file)), Scope::brief);
+  document.add(verdict_facts(verdict_title(calibration_verdict), trusted, trusted ? found : why_not_trusted(file)),
+               Scope::brief);
   for (const std::string& note : notes) document.add(Paragraph{note, "note"});
   document.section("parameters", "The 24 parameters");
   document.add(result_table(file, truth));

@@ -16,21 +16,6 @@ StationConfig parsed(const std::string& text, const std::string& file = "my.stat
   return *good(parse_station_config(text, file));
 }
 
-std::string config_error(const std::string& text) {
-  const Result<StationConfig> station = parse_station_config(text, "my.station");
-  if (station.ok()) return "accepted";
-  EXPECT_EQ(station.error().kind, ErrorKind::input);
-  EXPECT_EQ(station.error().message.find('\n'), std::string::npos);
-  return station.error().message;
-}
-
-std::string without(const std::string& key) {
-  std::string text = minimal;
-  const std::size_t begin = text.find(key);
-  text.erase(begin, text.find('\n', begin) + 1 - begin);
-  return text;
-}
-
 void expect_equal(const StationConfig& a, const StationConfig& b) {
   const auto all = [](const StationConfig& s) {
     const MotionConfig& m = s.motion;

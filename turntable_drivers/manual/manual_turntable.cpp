@@ -508,12 +508,12 @@ std::optional<std::string> ManualTurntable::turn_objection(const Wanted& now, do
   const double way_deg = angle_deg - hand.position_deg;
   const double made_deg = *felt / felt_of_a_degree_.value_or(1.0);
   const double sign = way_deg < 0.0 ? -1.0 : 1.0, way = std::abs(way_deg);
-  // Gravity sees a tilt: only whole turns of it can be missing. A heading has to be nearer to what was asked for than to none.
+  // Gravity shows a tilt, so only whole turns of it can be missing. A heading must be nearer to the asked turn than to none.
   const bool tilts = now.axis != Axis::heading;
   const double slack_deg = tilts ? 60.0 : sum_error_deg;
   const double most_deg = tilts ? quarter_deg : std::clamp(0.5 * way, sum_error_deg, quarter_deg);
   const auto agrees = [&](double turned_deg) { return std::abs(turned_deg - way_deg) < most_deg; };
-  // What was learned may be of a turn that another axis had a part in: the nominal scale will do, too.
+  // The learned scale may come from a turn in which another axis took part, so the nominal one is accepted, too.
   if (felt_of_a_degree_ ? agrees(made_deg) || agrees(*felt)
                         : sign * *felt >= 0.25 * way - slack_deg && sign * *felt <= 2.0 * way + slack_deg)
     return {};

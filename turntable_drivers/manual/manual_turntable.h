@@ -4,9 +4,9 @@
 // - A typed angle is accepted if it is within tolerance_deg of the target (modulo whole turns: a dial shows 90 for
 //   450) and if gravity, as the unit senses it in the seconds after the answer, agrees with the resulting tilt (which shows neither heading
 //   nor whole turns). Any other answer gets a reply, and the question is asked again.
-// - If the integrated gyro rates are known (feel_turns), a turn that the gyros did not sense is asked for again: whole turns that were typed but
-//   not made, or made in the wrong direction. At first their scale may be off by half or more. After a turn confirmed by gravity it is
-//   known, and the gyros must agree within a quarter turn, by that scale or the nominal one.
+// - If the integrated gyro rates are known (feel_turns), a turn that the gyros did not sense is asked for again: one that was typed but
+//   not made, or made in the wrong direction. At first their scale may be off by half or more. After a turn confirmed by gravity it is known, and
+//   the gyros must agree within a quarter turn, in heading within half the turn, by that scale or the nominal one.
 // - Homing asks for the positions of all three axes: 0, or any angle read off. Pitch is checked together with roll.
 // - Nothing is assumed: without an answer within answer_timeout_s the run pauses, until the operator types `continue`. A pause that
 //   holds up a question for longer than pause_limit_s ends the run, which can be resumed.

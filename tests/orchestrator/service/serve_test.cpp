@@ -174,6 +174,7 @@ TEST_F(Serve, TellsABatchThatItsUnitIsMounted) {
 TEST_F(Serve, NobodyButAnOperatorChangesAnything) {
   write("queue", "SN1\n");
   Served s(station_, write_operators(std::string("ana:") + hash_of_secret + "\n"));
+  bool known = false;
   const auto post = [&](const std::string& name, const std::string& password, bool marked, const std::string& body) {
     // One password in half a second, but for who is known by it.
     if (!known) std::this_thread::sleep_for(std::chrono::milliseconds(600));
