@@ -148,19 +148,14 @@ namespace {
 
 // A noise at which models are weighed, made from the fitted one.
 struct NoiseVariant {
-  double instability = 1.0;  // factor of the bias instabilities of both triads
-  int unstable =
-      -1;  // 0 to 5: this gyro or accelerometer alone has the instability of its triad; -1: all three have it
-  double its_own = 1.0;  // factor of its instability
+  Eigen::Matrix<double, 6, 1> instability = Eigen::Matrix<double, 6, 1>::Ones();  // factors, as NoiseModel::unstable
+  int unstable = -1;  // the sensor, 0 to 5, that alone has the instability of its triad; -1: none
   NoiseModel of(NoiseModel noise) const {
-    noise.gyro_bias_instability_radps *= instability;
-    noise.accel_bias_instability_mps2 *= instability;
-    if (unstable >= 0)
-      (unstable < 3 ? noise.unstable_gyros : noise.unstable_accels) = its_own * Eigen::Vector3d::Unit(unstable % 3);
+    noise.unstable = instability;
     return noise;
   }
 };
-constexpr NoiseVariant stable{.instability = 0.0};
+const NoiseVariant stable{.instability = Eigen::Matrix<double, 6, 1>::Zero()};
 constexpr double prior_unstable_sensor = 0.01;
 
 // Returns, of each triad with an instability, the most likely variant in which one sensor has it. Sensors of a kind are alike: one that is
@@ -168,16 +163,17 @@ constexpr double prior_unstable_sensor = 0.01;
 std::vector<NoiseVariant> variants_with_one_unstable(const CompressedRecording& recording, const JointResult& fit) {
   std::vector<NoiseVariant> all;
   for (const int triad : {0, 3}) {
-    if (!((triad == 0 ? fit.noise.gyro_bias_instability_radps : fit.noise.accel_bias_instability_mps2) > 0.0)) continue;
+    if (!(fit.noise.bias_instability()[triad] > 0.0)) continue;
     NoiseVariant best;
     double least = 1e300;
-    const auto consider = [&](int sensor, double its_own) {
-      const NoiseVariant one = {1.0, sensor, its_own};
+    const auto consider = [&](int sensor, double factor) {
+      NoiseVariant one = {.unstable = sensor};
+      one.instability.segment<3>(triad) = factor * Eigen::Vector3d::Unit(sensor - triad);
       const PiecewiseView view = view_in_pieces(recording, fit, one.of(fit.noise));
       if (view.system && view.system->misfit() < least) best = one, least = view.system->misfit();
     };
     for (int axis = 0; axis < 3; ++axis) consider(triad + axis, std::sqrt(3.0));
-    for (const double its_own : {1.0, 3.0}) consider(best.unstable, its_own);
+    for (const double factor : {1.0, 3.0}) consider(best.unstable, factor);
     all.push_back(best);
   }
   return all;

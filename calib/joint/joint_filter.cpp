@@ -29,16 +29,17 @@ template <int NS>  // 6: psi, v;  12: psi, v, b_g, b_a
 class Filter {
  public:
   Filter(const FilterSetup& setup, const std::vector<double>& source_weights, int columns)
-      : setup_(setup), weights_(source_weights), walk_(walk_noise(setup.noise)), p_(columns) {
+      : setup_(setup),
+        weights_(source_weights),
+        walk_(walk_noise(setup.noise)),
+        instability_(setup.noise.bias_instability().cwiseAbs2()),
+        p_(columns) {
     X_.setZero(p_, NS);
     N_.setZero(p_, 3);
     scratch_.setZero(p_, 3);
     buffer_.setZero(p_ + 1, 96);
     moments_.setZero(p_ + 1, p_ + 1);
     P_.setZero();
-    const NoiseModel& noise = setup.noise;
-    instability_ << (noise.gyro_bias_instability_radps * noise.unstable_gyros).cwiseAbs2(),
-        (noise.accel_bias_instability_mps2 * noise.unstable_accels).cwiseAbs2();
   }
 
   // `kept`: the interval is one block at rest; receives the update if it is observed.
@@ -271,8 +272,8 @@ class Filter {
   const FilterSetup& setup_;
   const std::vector<double>& weights_;
   const WalkNoise walk_;
-  const int p_;                              // parameters and effect components
-  Eigen::Matrix<double, 6, 1> instability_;  // variances of b_g, b_a
+  const Eigen::Matrix<double, 6, 1> instability_;  // variances of b_g, b_a
+  const int p_;                                    // parameters and effect components
   bool in_chain_ = false;
   bool was_still_ = false;
   double rho_ = 1.0;            // decay of b_g, b_a over the interval

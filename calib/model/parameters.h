@@ -85,10 +85,14 @@ struct NoiseModel {
   Eigen::Vector3d velocity_random_walk = Eigen::Vector3d::Constant(7.8e-5);  // m/s/sqrt(s)
   double gyro_bias_instability_radps = 0.0;  // sigma_b of the Gauss-Markov process; 0 switches it off
   double accel_bias_instability_mps2 = 0.0;
-  Eigen::Vector3d unstable_gyros = Eigen::Vector3d::Ones();  // the share of the instability that each sensor has
-  Eigen::Vector3d unstable_accels = Eigen::Vector3d::Ones();
-  double bias_correlation_s = 300.0;  // tau_b
-  bool has_bias_instability() const { return gyro_bias_instability_radps > 0.0 || accel_bias_instability_mps2 > 0.0; }
+  Eigen::Matrix<double, 6, 1> unstable =
+      Eigen::Matrix<double, 6, 1>::Ones();  // factors of them: gyros x y z, accelerometers x y z
+  double bias_correlation_s = 300.0;        // tau_b
+  Eigen::Matrix<double, 6, 1> bias_instability() const {
+    const double g = gyro_bias_instability_radps, a = accel_bias_instability_mps2;
+    return unstable.cwiseProduct((Eigen::Matrix<double, 6, 1>() << g, g, g, a, a, a).finished());
+  }
+  bool has_bias_instability() const { return bias_instability().maxCoeff() > 0.0; }
   double gyro_pulse_rad = 0.0;  // one-pulse quantisation; 0 for data that are not counted
   double accel_pulse_mps = 0.0;
 };

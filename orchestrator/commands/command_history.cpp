@@ -7,6 +7,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdint>
 #include <filesystem>
 #include <map>
 #include <set>
@@ -272,11 +273,16 @@ Status backup(const DatabaseOptions& options, CommandContext& context) {
   TRY(check_apart({{"database", options.database}, {"--out", options.out}}));
   TRY(check_replaceable(options.out, "SQLite format 3"));
   const ResultsDatabase database = TRY(ResultsDatabase::open_to_read(options.database));
-  const std::string image = TRY(database.image());
-  // Checks the image that will be kept.
-  const ResultsDatabase copy = TRY(ResultsDatabase::of_image(image, options.database));
-  TRY(copy.check());
-  TRY(write_file_atomically(options.out, image));
+  TRY(database.check());
+  const std::string copy = temporary_name(options.out);
+  const Result<std::string> checked = [&]() -> Result<std::string> {
+    TRY(database.copy_into(copy));
+    TRY(TRY(ResultsDatabase::open_to_read(copy)).check());
+    return read_whole_file(copy, SIZE_MAX);
+  }();
+  ::unlink(copy.c_str());
+  if (!checked) return named(checked.error(), copy, options.out);
+  TRY(write_file_atomically(options.out, *checked));
   context.out << "backup of " << contents_of(database) << " in " << options.out << '\n';
   return {};
 }

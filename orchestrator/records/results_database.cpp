@@ -1,12 +1,10 @@
 #include "orchestrator/records/results_database.h"
 
 #include <fmt/format.h>
-#include <sqlite3.h>
 #include <unistd.h>
 
 #include <algorithm>
 #include <chrono>
-#include <cstring>
 #include <map>
 #include <set>
 
@@ -624,43 +622,13 @@ Status ResultsDatabase::check_pages() const {
   return found.empty() ? Status{} : damaged(found);
 }
 
-Result<std::string> ResultsDatabase::image() const {
-  const std::string& name = connection_->name();
-  if (!connection_->sqlite()) {  // copies a server's rows into a file
-    ResultsDatabase copy(TRY(connect_to_memory(name)));
-    TRY(copy.make_tables(true));
-    const Status copied = in_transaction(*connection_, [&]() -> Status {  // at one moment
-      const Result<CopiedRows> rows = copy_to(copy);
-      return rows ? Status{} : rows.error();
-    });
-    return copied ? copy.image() : Result<std::string>(copied.error());
-  }
-  sqlite3_int64 size = 0;
-  // In a read transaction, which waits for a writer as any other statement does.
-  TRY(connection_->run("BEGIN; SELECT count(*) FROM sqlite_master"));
-  const std::unique_ptr<unsigned char, void (*)(void*)> bytes(
-      sqlite3_serialize(connection_->sqlite(), "main", &size, 0), sqlite3_free);
-  TRY(connection_->run("COMMIT"));
-  if (size == 0) return std::string();  // a file of no bytes is an empty database
-  if (!bytes)
-    return device_error(name + ": results database: not enough memory for its " + std::to_string(size) + " bytes");
-  return std::string(reinterpret_cast<const char*>(bytes.get()), std::size_t(size));
-}
-
-Result<ResultsDatabase> ResultsDatabase::of_image(const std::string& image, const std::string& path) {
-  ResultsDatabase database(TRY(connect_to_memory(path)));
-  if (image.empty()) return database;
-  sqlite3* const handle = database.connection_->sqlite();
-  auto* const bytes = static_cast<unsigned char*>(sqlite3_malloc64(image.size()));
-  if (!bytes)
-    return device_error(path + ": results database: not enough memory for its " + std::to_string(image.size()) +
-                        " bytes");
-  std::memcpy(bytes, image.data(), image.size());
-  const auto size = static_cast<sqlite3_int64>(image.size());
-  if (sqlite3_deserialize(handle, "main", bytes, size, size,
-                          SQLITE_DESERIALIZE_FREEONCLOSE | SQLITE_DESERIALIZE_RESIZEABLE) != SQLITE_OK)
-    return device_error(path + ": results database: cannot read: " + sqlite3_errmsg(handle));
-  return database;
+Status ResultsDatabase::copy_into(const std::string& path) const {
+  if (connection_->sqlite()) return connection_->run("VACUUM INTO $1", {path});
+  ResultsDatabase copy = TRY(open(path));
+  return in_transaction(*connection_, [&]() -> Status {  // of one moment
+    const Result<CopiedRows> rows = copy_to(copy);
+    return rows ? Status{} : rows.error();
+  });
 }
 
 constexpr SqlPatience short_patience{.wait_s = 3.0, .all_s = longest_wait_s};

@@ -47,7 +47,6 @@
 
 #include <algorithm>
 #include <atomic>
-#include <cstdint>
 #include <functional>
 #include <optional>
 #include <string>

@@ -6,7 +6,6 @@
 #include <Eigen/Core>
 #include <Eigen/Geometry>
 #include <cmath>
-#include <functional>
 #include <optional>
 #include <random>
 #include <vector>

@@ -1,8 +1,6 @@
 // Bytes as a binary recording. Bit 0 of byte 0: the rest is cut into records (type, length, payload) that get right headers and
 // checksums, after an info record that is right unless bit 1 says otherwise. What can be opened is read, hashed, and must keep the
 // promises of recording_source.h.
-#include <cmath>
-#include <string>
 #include <vector>
 
 #include "imu_io/base/record_log.h"

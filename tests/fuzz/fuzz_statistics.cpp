@@ -1,5 +1,4 @@
 // Bytes into the reader of statistics.tcs. Bit 0 of byte 0: the checksum is put right first. What is accepted is written again, and read.
-#include <string>
 #include <vector>
 
 #include "imu_io/recordings/statistics_file.h"

@@ -2,7 +2,6 @@
 // part stands for a right one, so that each of the three is reached alone. What can be opened must be readable to the end or say why
 // not.
 #include <array>
-#include <cmath>
 #include <string>
 #include <string_view>
 

@@ -5,7 +5,6 @@
 #include <turncal/diagnose.h>
 #include <turncal/predict.h>
 
-#include <cmath>
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>

@@ -1,6 +1,5 @@
 // The status page: what it serves, and that nothing can be written. In a browser: tests/system/live_page_test.py.
 #include <new>
-#include <thread>
 
 #include "imu_io/base/clock.h"
 #include "orchestrator/watch/page_server.h"
