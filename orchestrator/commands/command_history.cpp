@@ -277,7 +277,8 @@ Status backup(const DatabaseOptions& options, CommandContext& context) {
   const std::string copy = temporary_name(options.out);
   const Result<std::string> checked = [&]() -> Result<std::string> {
     TRY(database.copy_into(copy));
-    TRY(TRY(ResultsDatabase::open_to_read(copy)).check());
+    const ResultsDatabase written = TRY(ResultsDatabase::open_to_read(copy));
+    TRY(written.check());
     return read_whole_file(copy, SIZE_MAX);
   }();
   ::unlink(copy.c_str());
