@@ -317,8 +317,7 @@ class Importer {
     });
   }
 
-  // Rows that were written twice: the stamp and the numbers of the row before. A coarse sensor at rest, whose stamps are coarse too, has such
-  // rows of its own; it repeats its numbers at other stamps as often.
+  // Rows that were written twice: stamp and numbers of the row before, but of a coarse sensor, which repeats itself at other stamps as often.
   Status leave_out_doubles() {
     std::vector<Fate> fates(rows_);
     double doubles = 0.0, same_stamps = 0.0,
@@ -351,6 +350,7 @@ class Importer {
     if (!timed() || map_.increments != CsvMap::Increments::chosen) return;
     const IncrementsChoice choice = choose_increments(times_, stamps());
     map_.increments = choice.even ? CsvMap::Increments::period : CsvMap::Increments::intervals;
+    sure_ = choice.sure;
     result_.chosen = fmt::format("time.increments = {}: {}", measured() ? "intervals" : "period", choice.reason);
   }
 
@@ -483,18 +483,17 @@ class Importer {
       for (const StampGap& gap : missing_) gaps_.push_back({gap.row, gap.periods + 1});
       return {};
     }
-    if (!measured() && !stamps().sure)
+    const StampModel read = measured() ? real_intervals(times_, map_.gap) : stamps();
+    if (!sure_ || (!read.sure && !(measured() && result_.chosen.empty())))
       return input_error(
           "{}: the stamps scatter by {:.2g} of a period of {:.4g} s, and {} of {} rows come behind a gap: another "
-          "period explains them as well, or the intervals are real: expected time.increments = intervals, or rate_hz "
-          "in place of time.column",
-          source_.file_name, stamps().scatter, stamps().period, stamps().gaps.size(), rows_);
-    const std::vector<StampGap> found = measured() ? real_intervals(times_, map_.gap).gaps : std::move(stamps().gaps);
+          "reading explains them as well: expected time.increments = intervals, or rate_hz in place of time.column",
+          source_.file_name, read.scatter, read.period, read.gaps.size(), rows_);
     double sum = 0.0, squares = 0.0, count = 0.0;
     std::int64_t periods = 0;
     for (std::size_t k = 1, f = 0, m = 0; k < rows_; ++k) {
       std::int64_t steps = 1;
-      if (f < found.size() && found[f].row == k) steps = found[f++].periods;
+      if (f < read.gaps.size() && read.gaps[f].row == k) steps = read.gaps[f++].periods;
       periods += steps;  // as the stamps say
       if (m < missing_.size() && missing_[m].row == k) steps = std::max(steps, missing_[m++].periods + 1);
       if (steps > 1) {
@@ -518,6 +517,12 @@ class Importer {
             source_.file_name, passed, counted);
     }
     result_.gaps = std::int64_t(gaps_.size());
+    const double per_row = period / std::ranges::min(map_.clocks, {}, &CsvClock::unit_s).unit_s;
+    if (!(period >= 1.0 / 4e4 && period <= 10.0))
+      return input_error(
+          "{}: {:.4g} from row to row is {:.4g} Hz in s, {:.4g} in ms, {:.4g} in us, {:.4g} in ns: "
+          "expected a time.unit with 0.1 to 40000 Hz",
+          source_.file_name, per_row, 1.0 / per_row, 1e3 / per_row, 1e6 / per_row, 1e9 / per_row);
     return {};
   }
 
@@ -619,6 +624,7 @@ class Importer {
   std::vector<bool> out_;               // of each row that was read, whether it is left out
   std::vector<Eigen::Vector3d> accel_;  // of a file of their own
   std::optional<StampModel> stamps_;
+  bool sure_ = true;                     // of what the stamps said
   std::vector<StampGap> gaps_;           // periods before a row, where they are more than one
   EvenGrid grid_;                        // of measured()
   double went_on_s_ = 0.0;               // the sampling, while the stamps did not
@@ -705,19 +711,20 @@ Result<CsvImport> stream_columns(const CsvMap& map, const ColumnSource& source, 
 
 Result<CsvImport> import_columns(const CsvMap& map, const ColumnSource& source, const ColumnSource* accel) {
   std::vector<ImuSample> all;
-  CsvImport content = TRY(stream_columns(
+  Result<CsvImport> content = stream_columns(
       map, source, accel, [&](const CsvImport& found) { all.reserve(std::size_t(found.rows)); },
       [&](std::span<const ImuSample> samples) {
         all.insert(all.end(), samples.begin(), samples.end());
         return Status();
-      }));
-  for (const DataEvent& run : content.clipped_runs)
+      });
+  if (!content) return content;
+  for (const DataEvent& run : content->clipped_runs)
     for (std::int64_t k = run.sample; k < run.sample + run.count; ++k) {
       ImuSample& sample = all[std::size_t(k)];
-      content.clipped += sample.flags == 0 ? 1 : 0;
+      content->clipped += sample.flags == 0 ? 1 : 0;
       mark_clipped(sample, run.axis);
     }
-  content.samples = std::move(all);
+  content->samples = std::move(all);
   return content;
 }
 

@@ -1,21 +1,16 @@
-// Reads any table of an IMU (CSV, .npy, .mat, HDF5: number_table.h; ROS bags: ros_bag.h) into a recording, by a map that says what its
-// columns are.
+// Reads any table of an IMU (CSV, .npy, .mat, HDF5: number_table.h; ROS bags: ros_bag.h) into a recording, by a map of its columns.
 //
-// The accelerometers may come in a file of their own. Where its stamps are those of the gyros its rows are taken as they are; else its
-// integral is interpolated at the gyros' stamps, so that no velocity is lost or made. Rows at a time that the other has not, or lacks rows of, are
-// left out.
+// The accelerometers may come in a file of their own: where its stamps are not those of the gyros its integral is interpolated at theirs, so that no
+// velocity is lost or made. Rows at a time that the other has not, or lacks rows of, are left out.
 //
-// A rate becomes an increment by its interval, the time since the row before: a rate is taken as the mean over the interval it ends.
-// Nothing is resampled. With `intervals` the measured interval goes into the increment, so that a turn keeps its size when the
-// sampling jitters; with `period` the mean interval does, which is right when the stamps jitter but the sensor does not (then intervals
-// would turn jitter of stamps into noise of the sensor: over a rest of 3 s 0.5 ms of it are 1.6 mm/s^2). With `period` stamps may even
-// go back a little. Where the map does not say, the stamps do, and what a gap is (stamps.h). A gyro that repeats one extreme number is found
-// clipped (clipping.h) before intervals blur that. The recording's sample_period_s is the mean interval, or the slope
-// of the stamps. The counter steps by one a row, over a gap by as many periods as it lasts; a dropped row leaves its number out.
-// Output: rad and m/s, body axes.
+// A rate becomes an increment by its interval, the time since the row before: a rate is taken as the mean over the interval it ends. Nothing is
+// resampled. With `intervals` the measured interval goes into the increment, so that a turn keeps its size when the sampling jitters; with `period` the
+// mean one does, which is right when the stamps jitter but the sensor does not (intervals would make noise of it: over a rest of 3 s 0.5 ms are
+// 1.6 mm/s^2), and stamps may go back a little. Where the map does not say, the stamps do, and what a gap is (stamps.h). A gyro that repeats one extreme
+// number is found clipped (clipping.h) before intervals blur that. The recording's sample_period_s is the mean interval, or the slope of the stamps. The
+// counter steps by one a row, over a gap by as many periods as it lasts; a dropped row leaves its number out. Output: rad and m/s, body axes.
 //
-// A row with the stamp and the numbers of the one before was written twice, and is a defect; not where a coarse sensor repeats itself at other
-// stamps as often.
+// A row with stamp and numbers of the one before was written twice, a defect; not where a coarse sensor repeats itself at other stamps as often.
 //
 // Errors: one line with file, line, column, value and what was expected.
 #pragma once

@@ -34,8 +34,7 @@ struct Layout {
 
 bool is_letter(char c) { return c >= 'a' && c <= 'z'; }
 
-// A word that begins with ^ has to be the beginning, of the text or of what it names in a group, a struct or a compound; after one that ends with $
-// there is no letter.
+// A word that begins with ^ has to be the beginning, of the text or of a name in a group or struct; after one that ends with $ there is no letter.
 bool has_any(std::string_view text, const std::vector<std::string_view>& words) {
   const std::size_t parent = text.substr(0, std::min(text.size(), text.find_first_of(" [("))).find_last_of("/.:");
   const std::string_view name = text.substr(parent == text.npos ? 0 : parent + 1);

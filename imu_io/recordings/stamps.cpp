@@ -6,6 +6,7 @@
 #include <array>
 #include <cmath>
 #include <complex>
+#include <functional>
 #include <limits>
 #include <map>
 #include <numbers>
@@ -16,6 +17,12 @@
 
 namespace turncal {
 namespace {
+
+constexpr std::size_t enough = std::size_t{1} << 12;  // rows that tell one reading from another
+constexpr std::size_t fewest = 40;                    // that tell anything
+constexpr double any = std::numeric_limits<double>::infinity();
+constexpr double sure_by = 4.6;        // nats: 100 to 1
+constexpr double longest_round = 8.0;  // of a loop, in usual ones
 
 // The steps in which stamps are written, where they are coarse: the longest of which all intervals are multiples. 0: not seen.
 double resolution_of(std::span<const double> times, double period) {
@@ -54,14 +61,14 @@ struct Noise {
   double most = 16.0 + anywhere;
 };
 
-// One reading of the stamps up to a row: what was missing, and where an even clock stands (phase and rate: a Kalman filter, whose measurement
-// says that the stamp's cell holds what is normal). In periods.
+// One reading of the stamps up to a row, in periods: what was missing, and phase and rate of the clock (a Kalman filter told of the stamp's cell).
 class Track {
  public:
   double cost = 0.0;
   std::int64_t missing = 0;
-  double carried = 0.0;      // what pauses had less or more than a whole number of periods
-  std::size_t last_gap = 0;  // its place in the list of gaps, from 1
+  double carried = 0.0;       // what pauses had less or more than a whole number of periods
+  std::size_t last_fork = 0;  // its place in the list of forks, from 1
+  bool held = false;          // the row came late, and those behind it wait
 
   void begin_at(double ahead, const Noise& noise) {
     level_ = ahead - double(missing);
@@ -107,35 +114,24 @@ class Track {
 };
 
 // The period along the gaps: least squares, with a beginning of its own behind a pause of no whole number of periods.
-double slope_along(std::span<const double> times, const StampModel& model, const Noise& noise) {
-  double both = 0.0, squares = 0.0, first = 0.0;
+double slope_along(std::span<const double> times, const StampModel& model) {
+  double both = 0.0, squares = 0.0, first = times[0];
   std::int64_t origin = 0, counter = 0;
   std::array<double, 5> s{};  // 1, m, m^2, y, m y of a piece
   const auto close = [&] {
     both += s[4] - s[1] * s[3] / std::max(1.0, s[0]);
     squares += s[2] - s[1] * s[1] / std::max(1.0, s[0]);
+    s = {};
   };
-  const double rate = 1.0 / model.period;
-  Track track;
-  int astray = 0;  // rows on end
-  for (std::size_t k = 0, at = 0; k < times.size(); ++k, ++counter) {
-    const double ahead = (times[k] - times[0]) * rate - double(k);
-    bool begins = k == 0 || astray > 8;
+  for (std::size_t k = 0, at = 0, late = 0; k < times.size(); ++k, ++counter) {
     if (at < model.gaps.size() && model.gaps[at].row == k) {
-      track.missing += model.gaps[at].periods - 1;
       counter += model.gaps[at].periods - 1;
-      begins = model.gaps[at++].anew || begins;
+      if (model.gaps[at++].anew) close(), origin = counter, first = times[k];
     }
-    if (k > 0) track.predict(noise);
-    if (begins) {
-      track.begin_at(ahead, noise);
-      close();
-      s = {}, origin = counter, first = times[k];
+    if (late < model.held.size() && model.held[late] == k) {
+      ++late;
+      continue;
     }
-    const double off = track.off(ahead);
-    const bool lost = track.follow(off, noise) >= noise.most && std::abs(off) > 1.0 + noise.half + 8.0 * noise.scatter;
-    astray = lost ? astray + 1 : 0;
-    if (lost) continue;
     const double m = double(counter - origin), y = times[k] - first - m * model.period;
     s[0] += 1.0, s[1] += m, s[2] += m * m, s[3] += y, s[4] += m * y;
   }
@@ -143,88 +139,79 @@ double slope_along(std::span<const double> times, const StampModel& model, const
   return model.period + (squares > 0.0 ? both / squares : 0.0);
 }
 
+double slope_of(std::span<const double> times) { return slope_along(times, {}); }
+
 double share_of(const StampModel& model, std::span<const double> times) {
   return (double(model.gaps.size()) + 0.5) / (double(times.size()) + 1.0);
 }
 
 double whole(std::int64_t n) { return std::log(double(n)) + std::log(double(n) + 1.0); }  // -log of 1 / n(n + 1)
 
-// What it takes to tell kinds of things one after the other, and how often each comes: each is named once, and then as likely as it is frequent.
-using Kinds = std::map<std::pair<std::int64_t, std::int64_t>, double>;
-double told_by_kinds(const Kinds& kinds) {
+// What it takes to tell numbers one after the other: each kind is named once, and then as likely as it is frequent.
+double told_by_kinds(const std::map<std::int64_t, double>& kinds) {
   double count = 0.0, cost = 0.0;
   for (const auto& [kind, often] : kinds) count += often;
-  std::pair<std::int64_t, std::int64_t> before{0, 0};
+  std::int64_t before = 0;
   for (const auto& [kind, often] : kinds) {
-    const bool other = kind.first != before.first;
-    cost += whole(kind.second - (other ? 0 : before.second)) + (other ? whole(kind.first - before.first) : 0.0) +
-            often * std::log(count / often);
+    cost += whole(std::abs(kind - before) + 1) + often * std::log(count / std::max(often, 1.0));
     before = kind;
   }
   return cost;
 }
 
-constexpr std::size_t beyond_steps = 10;  // rows from gap to gap: nearer, the stamps are in steps near to the period
-
-// What is gained where rows are lost by turns: distance and length of a gap are then as likely as they are frequent, not each for itself. Of every
-// second row it is a longer period.
-double gain_by_turns(const StampModel& model, std::span<const double> times, std::size_t closest) {
-  const double share = share_of(model, times);
-  Kinds kinds;
-  double gain = 0.0;
-  for (std::size_t at = 1; at < model.gaps.size(); ++at) {
-    const StampGap& gap = model.gaps[at];
-    const std::size_t distance = gap.row - model.gaps[at - 1].row;
-    if (distance < closest || gap.periods < 2) continue;
-    gain += whole(gap.periods - 1) - std::log(share) - double(distance - 1) * std::log1p(-share);
-    kinds[{gap.periods - 1, std::int64_t(distance)}] += 1.0;
+// Or by turns: each is the one `turn` rows before, but for those that are told.
+double told(std::span<const std::int64_t> numbers) {
+  constexpr std::size_t longest = 64;
+  std::size_t turn = 0;
+  double most = 0.0;
+  for (std::size_t each = 1; each <= longest && 4 * each < numbers.size(); ++each) {
+    const double same = std::inner_product(numbers.begin() + std::ptrdiff_t(each), numbers.end(), numbers.begin(), 0.0,
+                                           std::plus(), std::equal_to());
+    if (const double share = same / double(numbers.size() - each); share > most) most = share, turn = each;
   }
-  return std::max(0.0, gain - told_by_kinds(kinds));
+  std::map<std::int64_t, double> all, others;
+  for (std::size_t k = 0; k < numbers.size(); ++k) {
+    all[numbers[k]] += 1.0;
+    if (k < turn || numbers[k] != numbers[k - turn]) others[numbers[k]] += 1.0;
+  }
+  const double rows = double(numbers.size() - turn);
+  const double by_turns = told_by_kinds({{0, rows * most}, {1, std::round(rows * (1.0 - most))}});
+  return std::min(told_by_kinds(all), turn > 0 ? told_by_kinds(others) + by_turns + whole(std::int64_t(turn)) : any);
 }
 
-// What it takes to tell intervals that no clock makes: by kinds, in the best of some widths, and where in one, in cells.
+// Intervals that no clock makes: in the best of some widths, and where in one, in cells.
 double told_by_intervals(std::span<const double> times, double cell) {
   constexpr int widths = 8;
-  double least = std::numeric_limits<double>::infinity();
+  double least = any;
+  std::vector<std::int64_t> numbers(times.size() - 1);
   for (int octave = 0; octave < widths; ++octave) {
-    Kinds kinds;
-    for (std::size_t k = 1; k < times.size(); ++k) {
-      const auto width = std::llround(std::ldexp((times[k] - times[k - 1]) / cell, -octave));
-      kinds[{width < 0 ? 2 : 1, std::abs(width) + 1}] += 1.0;
-    }
-    least = std::min(least, told_by_kinds(kinds) + double(times.size()) * octave * std::numbers::ln2);
+    for (std::size_t k = 0; k < numbers.size(); ++k)
+      numbers[k] = std::llround(std::ldexp((times[k + 1] - times[k]) / cell, -octave));
+    least = std::min(least, told(numbers) + double(times.size()) * octave * std::numbers::ln2);
   }
   return least;
 }
 
-// Most of them come as many rows, two or more, after the one before: a driver may have written the stamps of a burst by a rate that is not the sensor's.
-bool by_turns(const std::vector<StampGap>& gaps) {
-  std::map<std::size_t, std::size_t> distances;
-  std::size_t most = 0;
-  for (std::size_t at = 1; at < gaps.size(); ++at)
-    if (const std::size_t distance = gaps[at].row - gaps[at - 1].row; distance > 1)
-      most = std::max(most, ++distances[distance]);
-  return 2 * most > gaps.size();
-}
-
-// The likeliest reading with that scatter: rows follow a clock, and each may come some periods later than it would. `share`: of the rows that do. The
-// period that is returned follows from the gaps, and they from the one that is given.
-StampModel reading(std::span<const double> times, StampModel model, double cell, double gap, double share,
-                   double limit) {
+// The likeliest reading with that scatter and share of gaps. The period that is returned follows from the gaps, and they from the one that is given.
+StampModel reading(std::span<const double> times, StampModel model, double gap, double share, double limit) {
   constexpr std::size_t most_tracks = 8;
-  constexpr double rarer = 5.0, rarest = 40.0, hopeless = 60.0, far = 32.0, longest = 1e15;
-  const Noise noise(model.scatter, cell / model.period);
+  constexpr double rarer = 5.0, rarest = 40.0, hopeless = 60.0, far = 32.0, longest = 1e15, service = 0.1,
+                   slowest = 0.5;
+  const Noise noise(model.scatter, model.cell / model.period);
   share = std::clamp(share, 1e-5, 0.9);
   const double stay = -std::log1p(-share), rare = -std::log(share), rate = 1.0 / model.period;
-  const double late_from = (gap - 3.0 * noise.scatter - 2.0 * noise.half) * model.period;
-  model.gaps.clear(), model.cost = std::numeric_limits<double>::infinity();
+  const double onset = noise.anywhere + std::log((double(times.size()) + 1.0) / (double(model.held.size()) + 0.5)),
+               served = std::max(0.0, noise.anywhere + std::log(service));
+  const double late_from = gap - 3.0 * noise.scatter - 2.0 * noise.half;
+  model.gaps.clear(), model.held.clear(), model.cost = any;
   std::vector<std::pair<StampGap, std::size_t>> forks;  // and the place of the one before it, from 1
   std::vector<Track> tracks(2), next;                   // the first stamp may be a bad one
   tracks[0].begin_at(0.0, noise);
   tracks[1].begin_at((times[1] - times[0]) * rate - 1.0, noise);
   const auto join = [&](const Track& track) {
     const auto same = std::ranges::find_if(next, [&](const Track& other) {
-      return other.missing == track.missing && std::abs(other.level() - track.level()) < noise.scatter &&
+      return other.missing == track.missing && other.held == track.held &&
+             std::abs(other.level() - track.level()) < noise.scatter &&
              std::max(other.spread(), track.spread()) < 2.0 * std::min(other.spread(), track.spread());
     });
     if (same == next.end())
@@ -234,18 +221,16 @@ StampModel reading(std::span<const double> times, StampModel model, double cell,
   };
   for (std::size_t k = 0; k < times.size(); ++k) {
     const double ahead = (times[k] - times[0]) * rate - double(k);
-    const bool late = k > 0 && times[k] - times[k - 1] > late_from;
+    const double interval = k > 0 ? (times[k] - times[k - 1]) * rate : 1.0;
+    const bool late = k > 0 && interval > late_from;
     if (k > 0)
       for (Track& track : tracks) track.predict(noise);
-    if (tracks.size() == 1) {
-      const double off = tracks[0].off(ahead);
-      if (!late || off < 0.5) {
-        Track stays = tracks[0];
-        if (const double cost = stays.follow(off, noise); cost < noise.most) {  // as ever
-          stays.cost += stay + cost;
-          tracks[0] = stays;
-          continue;
-        }
+    if (const double off = tracks[0].off(ahead); tracks.size() == 1 && (!late || off < 0.5)) {
+      Track stays = tracks[0];
+      if (const double cost = stays.follow(off, noise); cost < noise.most) {  // as ever
+        stays.cost += stay + cost, stays.held = false;
+        tracks[0] = stays;
+        continue;
       }
     }
     next.clear();
@@ -253,11 +238,18 @@ StampModel reading(std::span<const double> times, StampModel model, double cell,
       const double off = std::clamp(track.off(ahead), -longest, longest);
       Track stays = track;
       const double cost = stays.follow(off, noise);
-      stays.cost += stay + cost;
+      stays.cost += stay + cost, stays.held = false;
       join(stays);
+      if (cost > onset && off > 0.0 && (!track.held || (interval >= 0.0 && interval < slowest))) {
+        Track waits = track;
+        waits.cost += stay + (track.held ? served + interval / service : onset + 2.0 * std::log1p(off));
+        waits.held = true, waits.last_fork = forks.size() + 1;
+        forks.push_back({{k, 0, false}, track.last_fork});
+        join(waits);
+      }
       const auto leap = [&](double periods, bool anew) {
         Track leaps = track;
-        leaps.missing += std::int64_t(periods);
+        leaps.missing += std::int64_t(periods), leaps.held = false;
         leaps.cost += rare + std::log(periods + 1.0);
         if (anew) {
           leaps.carried += off - periods;
@@ -266,13 +258,13 @@ StampModel reading(std::span<const double> times, StampModel model, double cell,
         } else {
           leaps.cost += std::log(std::max(periods, 1.0)) + leaps.follow(off - periods, noise);  // 1 / n(n + 1)
         }
-        leaps.last_gap = forks.size() + 1;
-        forks.push_back({{k, std::int64_t(periods) + 1, anew}, track.last_gap});
+        leaps.last_fork = forks.size() + 1;
+        forks.push_back({{k, std::int64_t(periods) + 1, anew}, track.last_fork});
         join(leaps);
       };
       // A leap ahead is time that passed.
       if (cost >= noise.most) leap(off < 0.5 + noise.half ? 0.0 : std::max(0.0, std::round(off + track.carried)), true);
-      if (!late || off < 0.5) continue;
+      if (!(late || track.held) || off < 0.5) continue;
       // Where stamps scatter by many periods it may be any of as many.
       const double around = std::min(noise.half + 3.0 * std::hypot(noise.scatter, track.spread()), far);
       for (double periods = std::max(1.0, std::floor(off - around)); periods < off + std::min(1.0, around) + 0.5;
@@ -285,20 +277,34 @@ StampModel reading(std::span<const double> times, StampModel model, double cell,
     std::swap(tracks, next);
     if (tracks.front().cost > limit) return model;
   }
-  for (std::size_t at = tracks.front().last_gap; at > 0; at = forks[at - 1].second)
-    model.gaps.push_back(forks[at - 1].first);
+  for (std::size_t at = tracks.front().last_fork; at > 0; at = forks[at - 1].second)
+    if (const StampGap& fork = forks[at - 1].first; fork.periods > 0)
+      model.gaps.push_back(fork);
+    else
+      model.held.push_back(fork.row);
   std::ranges::reverse(model.gaps);
-  model.cost = tracks.front().cost - gain_by_turns(model, times, beyond_steps);
-  model.period = slope_along(times, model, noise);
+  std::ranges::reverse(model.held);
+  model.cost = tracks.front().cost;
+  if (times.size() <= enough) {  // gaps may come by turns, too
+    std::vector<std::int64_t> missing(times.size());
+    double gain = 0.0;
+    for (std::size_t at = 0; at < model.gaps.size(); ++at) {
+      const StampGap& fork = model.gaps[at];
+      const bool on_end = at > 0 && model.gaps[at - 1].row + 1 == fork.row;  // of every row it is a longer period
+      if (!fork.anew && !on_end) missing[fork.row] = fork.periods - 1, gain += rare - stay + whole(fork.periods - 1);
+    }
+    if (gain > 0.0)
+      model.cost -= std::max(0.0, gain + double(times.size()) * stay - told(std::span(missing).subspan(1)));
+  }
+  model.period = slope_along(times, model);
   return model;
 }
 
 // The scatter is the likeliest one, by halves. A smaller one gains a row no more than its logarithm: whoever cannot come below `limit` is left.
-StampModel fit(std::span<const double> times, const StampModel& start, double cell, double gap, double share,
-               double limit) {
+StampModel fit(std::span<const double> times, const StampModel& start, double gap, double share, double limit) {
   const auto read = [&](const StampModel& from, double likely) {
     const double gain = double(times.size()) * std::log(from.scatter / even_scatter);
-    return reading(times, from, cell, gap, likely, limit + gain);
+    return reading(times, from, gap, likely, limit + gain);
   };
   StampModel best = read(start, share);
   best = read(best, share_of(best, times));
@@ -312,14 +318,6 @@ StampModel fit(std::span<const double> times, const StampModel& start, double ce
       if (better) best = std::move(other);
     }
   return best;
-}
-
-// Of least squares, over the rows.
-double slope_of(std::span<const double> times) {
-  const double n = double(times.size()), middle = 0.5 * (n - 1.0);
-  double both = 0.0;
-  for (std::size_t k = 0; k < times.size(); ++k) both += (double(k) - middle) * (times[k] - times[0]);
-  return both / (n * (n * n - 1.0) / 12.0);
 }
 
 // Slopes over parts of the record, where rows come in bursts: the lower ones have no gaps in them.
@@ -361,48 +359,19 @@ std::vector<std::pair<double, double>> common_phases(std::span<const double> tim
   return peaks;
 }
 
-// Periods above a step by up to a third, which phases do not tell: once in 1 / (1 - step / period) steps no row falls into one. Of each octave of such
-// beats the one with most of the steps without a row.
-std::vector<double> beats(std::span<const double> times, double step) {
-  constexpr double longest = 64.0, slowest = 1e-3, fastest = 0.25;
-  constexpr std::size_t width = 5;  // quarters of a step
-  std::vector<double> empty, periods;
-  double end = 0.0;
-  for (std::size_t k = 1; k < times.size(); ++k) {
-    const double steps = std::round((times[k] - times[k - 1]) / step);
-    if (steps > longest) continue;  // a pause, which is cut out
-    for (double more = 1.0; more < steps; more += 1.0) empty.push_back(end + more);
-    end += steps;
+// What it takes more to tell long intervals as lost rows, which are whole and scatter as all do, than as a loop's slow rounds, long ones rarely.
+double more_as_losses(const std::vector<std::pair<std::size_t, double>>& found, double scatter) {
+  constexpr double decay = 2.0, most = 100.0;
+  double more = 0.0;
+  std::map<std::int64_t, double> lost;
+  for (const auto& [row, x] : found) {
+    if (x >= longest_round) continue;
+    const double n = std::max(2.0, std::round(x)), sigma = scatter * std::sqrt(n);
+    lost[std::int64_t(n) - 2] += 1.0;
+    const double whole_rows = 0.5 * std::pow((x - n) / sigma, 2) + std::log(sigma * std::sqrt(2.0 * std::numbers::pi));
+    more += std::min(whole_rows, most) - decay * (x - 1.0) + std::log(decay);
   }
-  const double share = double(empty.size()) / end;
-  for (double each = slowest; each < std::min(2.0 * share, fastest);) {
-    double best = 0.0, beat = each;
-    for (const double octave = 2.0 * each; each < octave; each *= 1.0 + 0.5 / end) {
-      const auto cells = std::size_t(4.0 / each);
-      std::vector<double> folded(cells + width);
-      for (const double place : empty)
-        folded[std::size_t((place * each - std::floor(place * each)) * double(cells))] += 1.0;
-      for (std::size_t k = 0; k < width; ++k) folded[cells + k] += folded[k];
-      const double all = 0.25 * double(width) * each * end;
-      double found = std::accumulate(&folded[0], &folded[width], 0.0);
-      for (std::size_t k = 0; k < cells; found += folded[k + width] - folded[k], ++k)
-        if (const double gain = (std::min(all, found) - share * all) / std::sqrt(all); gain > best)
-          best = gain, beat = each;
-    }
-    periods.push_back(step / (1.0 - beat));
-  }
-  return periods;
-}
-
-// Of rows that all keep within half a period along one straight line, so that none is missing; else 0.
-double even_period(std::span<const double> times) {
-  const double period = slope_of(times);
-  double least = 0.0, most = 0.0;
-  for (std::size_t k = 0; k < times.size(); ++k) {
-    const double ahead = times[k] - times[0] - double(k) * period;
-    least = std::min(least, ahead), most = std::max(most, ahead);
-  }
-  return most - least < 0.5 * period ? period : 0.0;
+  return more + told_by_kinds(lost);
 }
 
 }  // namespace
@@ -418,19 +387,25 @@ StampModel real_intervals(std::span<const double> times, double gap) {
   constexpr std::size_t around = 32;  // rows, either way
   std::vector<double> some = intervals_of(times);
   const double usual = median(some);
+  for (double& interval : some) interval = std::abs(interval - usual) / usual;
+  const double scatter = std::max(1.5 * median(some), even_scatter);
   StampModel model{.period = usual, .adds_up = true, .gaps = {}};
-  double passed = times.back() - times.front(), rows = double(times.size() - 1);
+  std::vector<std::pair<std::size_t, double>> found;
   for (std::size_t k = 1; k < times.size(); ++k) {
-    const double interval = times[k] - times[k - 1], shortest = interval / gap;  // that is none
-    if (!(shortest > usual)) continue;
+    const double interval = times[k] - times[k - 1];
+    if (!(interval > gap * usual)) continue;
     const std::size_t from = k > around ? k - around : 1, to = std::min(k + around, times.size() - 1);
     std::vector<double> near = intervals_of(times.subspan(from - 1, to - from + 2), times.size());
     const double periods = interval / median(near);
-    const bool whole = periods > 1.5 && std::abs(periods - std::round(periods)) < 0.15;
-    const std::size_t as_long = std::min(whole ? near.size() / 4 : 2, near.size() - 1);
-    if (!(shortest > value_at_rank(near, near.size() - 1 - as_long))) continue;
-    model.gaps.push_back({k, 2});
-    passed -= interval, rows -= 1.0;
+    if (periods > gap) found.emplace_back(k, periods);
+  }
+  const double more = more_as_losses(found, scatter);
+  model.sure = more == 0.0 || std::abs(more) > sure_by;
+  double passed = times.back() - times.front(), rows = double(times.size() - 1);
+  for (const auto& [row, periods] : found) {
+    if (more > 0.0 && periods < longest_round) continue;
+    model.gaps.push_back({row, 2, true});
+    passed -= times[row] - times[row - 1], rows -= 1.0;
   }
   if (rows > 0.0) model.period = passed / rows;
   for (StampGap& g : model.gaps)
@@ -438,128 +413,159 @@ StampModel real_intervals(std::span<const double> times, double gap) {
   return model;
 }
 
+namespace {
+
+// How far stamps are ahead of an even clock.
+std::vector<double> ahead_of(std::span<const double> times, const StampModel& model) {
+  std::vector<double> ahead(times.size(), 0.0);
+  double now = 0.0;
+  for (std::size_t k = 1, at = 0, late = 0; k < times.size(); ++k) {
+    const StampGap gap = at < model.gaps.size() && model.gaps[at].row == k ? model.gaps[at++] : StampGap{k, 1, false};
+    if (!gap.anew || gap.periods == 1) now += times[k] - times[k - 1] - double(gap.periods) * model.period;
+    const bool held = late < model.held.size() && model.held[late] == k;
+    late += held ? 1 : 0;
+    ahead[k] = held ? ahead[k - 1] : now;
+  }
+  return ahead;
+}
+
+constexpr std::size_t longest_span = 32;  // rows
+
+// Rms of p[k + 2m] - 2 p[k + m] + p[k] without the largest hundredth: knocks of the host, gaps that were not whole periods.
+double bend_over(std::span<const double> ahead, std::size_t m) {
+  std::vector<double> squares;
+  if (ahead.size() <= 2 * m) return 0.0;
+  for (std::size_t k = 2 * m; k < ahead.size(); ++k) {
+    const double bend = ahead[k] - 2.0 * ahead[k - m] + ahead[k - 2 * m];
+    squares.push_back(bend * bend);
+  }
+  const auto largest = squares.end() - std::ptrdiff_t(squares.size() / 100 + 1);
+  std::nth_element(squares.begin(), largest, squares.end());
+  return std::sqrt(std::accumulate(squares.begin(), largest, 0.0) / double(largest - squares.begin()));
+}
+
+// Whether errors add up, by more than the geometric mean of what they do if each stamp, and if each interval, is off by itself.
+bool adds_up(std::span<const double> ahead, std::size_t near, double resolution) {
+  const std::size_t far = std::min(ahead.size() / 8, near * longest_span);
+  const double before = std::max({bend_over(ahead, near), bend_over(ahead, near * 2 / 3), bend_over(ahead, near / 2)});
+  return bend_over(ahead, far) > std::max(before, resolution) * std::pow(double(far) / double(near), 0.25);
+}
+
+// Of the rate from a sixteenth of the record to the next, by the middle ones of both; 0: scatter explains it, or a clock that drifts.
+double rate_change(std::span<const double> times, const StampModel& model) {
+  constexpr std::size_t parts = 16;
+  std::vector<double> ahead = ahead_of(times, model), middles, rates;
+  const std::size_t each = times.size() / parts;
+  if (each < 2) return 0.0;
+  const double rows = double(each),
+               scatter = std::max(bend_over(ahead, 1), bend_over(ahead, longest_span)) / std::sqrt(6.0);
+  const bool paused = model.adds_up || std::ranges::any_of(model.gaps, &StampGap::anew);  // the stamps around are off
+  for (std::size_t part = 0; part < parts; ++part) {
+    middles.push_back(median(std::span(ahead).subspan(part * each, each)));
+    if (part > 0) rates.push_back((middles[part] - middles[part - 1]) / (rows * model.period));
+  }
+  std::ranges::sort(rates);
+  const double change = rates[parts - 3] - rates[1],
+               within = std::sqrt(double(longest_span) / rows) + (paused ? 1.0 : 0.0);
+  const double explained = (6.0 * scatter * within + 2.0 * resolution_of(times, model.period)) / (rows * model.period);
+  return change > std::max(steady_rate, explained) ? change : 0.0;
+}
+
+}  // namespace
+
 StampModel fit_stamps(std::span<const double> times, double gap) {
-  constexpr std::size_t enough = std::size_t{1} << 12, often = 64;
-  constexpr double usual_scatter = 0.1, near_scatter = 0.02, phases_agree = 0.13, is_known = 1e-3, margin = 10.0;
-  constexpr double any = std::numeric_limits<double>::infinity();
+  constexpr double usual_scatter = 0.1, near_scatter = 0.02, phases_agree = 0.13, is_known = 1e-3, most_behind = 0.6;
   StampModel best{.cost = any, .gaps = {}};
   if (times.size() < 2) return best;
   const auto [least, most] = std::ranges::minmax(times);
   const double slope = low_slope(times);
   if (!std::isfinite(most - least) || !(slope > 0.0)) return best;
   std::span<const double> some = times.first(std::min(times.size(), enough));
-  const double rows = double(some.size()), fine = 10.0 * even_scatter * slope, steps_cost = 20.0;
-  double step = resolution_of(times, slope), cell = std::max(step, fine);
+  const double rows = double(some.size()), fine = 10.0 * even_scatter * slope, step = resolution_of(times, slope);
   std::vector<StampModel> readings;
-  const auto consider = [&](double period, double scatter) {
-    readings.push_back(fit(some, {.period = period, .scatter = scatter, .gaps = {}}, cell, gap,
-                           std::max(0.0, 1.0 - period / slope), best.cost + margin));
+  // A period is told to a cell, and to what is known of it in the end; the filter learns that of the step, too.
+  const auto name_of = [&](const StampModel& model) {
+    return whole(std::llround(slope / fine)) + std::log(rows) * (step > fine && model.cell == fine ? -1.0 : 1.0);
+  };
+  const auto consider = [&](double period, double scatter, double cell) {
+    StampModel found = fit(some, {.period = period, .scatter = scatter, .cell = cell, .gaps = {}}, gap,
+                           std::max(0.0, 1.0 - period / slope), cell < step ? any : best.cost + sure_by);
+    if (double(found.gaps.size()) > most_behind * rows && !readings.empty()) return;
+    found.cost += name_of(found);
+    readings.push_back(std::move(found));
     if (readings.back().cost < best.cost) best = readings.back();
   };
-  consider(slope, usual_scatter);
-  if (!(best.gaps.empty() && best.scatter < 2.0 * even_scatter))
-    for (const auto& [power, period] : common_phases(some, slope)) consider(period, usual_scatter);
-  if (step > 0.5 * slope && step < 1.3 * slope && !best.gaps.empty())
-    for (const double period : beats(some, step)) consider(period, near_scatter);
-  if (cell > fine) {  // one that keeps to them needs none
-    const double period = step * std::max(1.0, std::floor(best.period / step + 0.1));
-    StampModel keeps =
-        fit(some, {.period = period, .scatter = near_scatter, .gaps = {}}, fine, gap, share_of(best, some), any);
-    keeps.cost -=
-        std::log(rows) + std::max(0.0, steps_cost - gain_by_turns(keeps, some, beyond_steps));  // its rate is known
-    readings.push_back(std::move(keeps));
-    if (readings.back().cost < best.cost) best = readings.back(), step = 0.0, cell = fine;
+  const double cell = std::max(step, fine);
+  consider(slope, usual_scatter, cell);
+  if (!(best.gaps.empty() && best.held.empty() && best.scatter < 2.0 * even_scatter)) {
+    consider(slope_of(some), usual_scatter, cell);
+    for (const auto& [power, period] : common_phases(some, slope)) consider(period, usual_scatter, cell);
   }
+  // One that keeps to coarse steps needs none.
+  if (cell > fine) consider(step * std::max(1.0, std::floor(best.period / step + 0.1)), near_scatter, fine);
+  // Where steps without a row come back, the period may be longer than a step by so much.
+  std::vector<double> empty;
+  for (const StampGap& found : best.cell < step && best.period < 1.5 * step ? best.gaps : std::vector<StampGap>())
+    for (std::int64_t back = 1; back < found.periods && !found.anew; ++back)
+      empty.push_back(some[found.row] - double(back) * step);
+  if (empty.size() >= fewest)
+    for (const auto& [power, period] : common_phases(empty, 4.6 * step))
+      consider(step / (1.0 - std::abs(std::remainder(step / period, 1.0))), near_scatter, step);
   bool doubtful = std::ranges::any_of(readings, [&](const StampModel& other) {
     return std::abs(other.period / best.period - 1.0) > std::max(3.0 / rows, is_known) &&
-           other.cost < best.cost + margin;
+           other.cost < best.cost + sure_by;
   });
-  if (const double even = best.gaps.empty() && gap >= 1.5 ? even_period(times) : 0.0; even > 0.0)
-    best.period = even;
+  // Where all rows keep within half a period along one straight line none is missing.
+  const StampModel even{.period = slope_of(times), .gaps = {}};
+  const auto [early, late] = std::ranges::minmax(ahead_of(times, even));
+  if (best.gaps.empty() && best.held.empty() && gap >= 1.5 && late - early < 0.5 * even.period)
+    best.period = even.period;
   else
     // What is missing is counted with the period that is given: the record lasts as long as its stamps say.
     for (int round = 0; round < 6; ++round) {
       const double period = best.period;
-      best = reading(times, best, cell, gap, share_of(best, round > 0 ? times : some), any);
+      best = reading(times, best, gap, share_of(best, round > 0 ? times : some), any);
       const double found = std::exchange(best.period, period);
       if (std::abs(found - period) * double(times.size()) < 0.005 * period) break;
       best.period = found;
     }
-  if (!best.gaps.empty()) {
-    // Around the middle one, is it the intervals that scatter?
-    some = times.subspan(std::min(best.gaps[best.gaps.size() / 2].row, times.size() - some.size()), some.size());
-    const std::vector<double> intervals = intervals_of(some, enough);
-    std::vector<double> sorted = intervals;
-    const double usual = median(sorted);
-    std::vector<StampGap> jumps;
-    for (std::size_t k = 0; k < intervals.size(); ++k)
-      if (intervals[k] > gap * usual) jumps.push_back({k, 2});
-    const double share = share_of(best, times), decisive = margin + 0.05 * rows;
-    const StampModel clock = reading(some, best, cell, gap, share, any);
-    const bool regular = by_turns(jumps);
-    const double gain = regular ? gain_by_turns(clock, some, 2) - gain_by_turns(clock, some, beyond_steps) : 0.0;
-    const double less =
-        often * clock.gaps.size() > some.size() ? clock.cost - gain - told_by_intervals(some, cell) : 0.0;
-    if (less > decisive && !regular && std::ranges::min(intervals) > 0.0) return real_intervals(times, gap);
-    doubtful = doubtful || less > margin;
-    best.bursts = regular && less > margin && by_turns(real_intervals(times, gap).gaps);
+  // Around the middle gap, is it the intervals that scatter?
+  const std::size_t middle = best.gaps.empty() ? times.size() / 2 : best.gaps[best.gaps.size() / 2].row;
+  some = times.subspan(std::min(middle, times.size() - some.size()), some.size());
+  const double clock = reading(some, best, gap, share_of(best, times), any).cost + name_of(best);
+  const bool may_be = times.size() >= fewest && std::ranges::is_sorted(times, std::less_equal());
+  const double less = may_be ? clock - told_by_intervals(some, fine) : -any;
+  if (less > -sure_by) {
+    StampModel real = real_intervals(times, gap);
+    const std::size_t longer_than_bursts = std::clamp<std::size_t>(times.size() / 64, 1, 64);
+    const bool walk = rate_change(times, real) > 0.0 ||
+                      adds_up(ahead_of(times, real), longer_than_bursts, std::max(step, even_scatter * slope));
+    const bool same = std::abs(real.period / best.period - 1.0) < is_known &&
+                      std::ranges::equal(real.gaps, best.gaps, {}, &StampGap::row, &StampGap::row);
+    if (same && best.scatter < (walk ? 2.0 * even_scatter : near_scatter)) return best;  // both say the same
+    real.sure = real.sure && less > sure_by && walk;
+    return real;
   }
-  const double behind = double(best.gaps.size()) / double(times.size());
-  const double off = std::hypot(best.scatter * std::sqrt(12.0), step / best.period) * std::pow(behind, 1.5);
-  const bool agree = step < best.period && std::exp(-2.0 * std::pow(std::numbers::pi * best.scatter, 2)) > phases_agree;
-  best.sure = !doubtful && behind <= 0.6 && (agree || off < is_known);
+  const double behind = double(best.gaps.size()) / double(times.size()), coarse = best.cell > fine ? step : 0.0;
+  const double off = std::hypot(best.scatter * std::sqrt(12.0), coarse / best.period) * std::pow(behind, 1.5);
+  const bool agree =
+      coarse < best.period && std::exp(-2.0 * std::pow(std::numbers::pi * best.scatter, 2)) > phases_agree;
+  best.sure = !doubtful && behind <= most_behind && (agree || off < is_known);
   return best;
 }
 
 IncrementsChoice choose_increments(std::span<const double> times_s, const StampModel& model) {
-  constexpr std::size_t fewest = 40, parts = 16;
-  const std::size_t n = times_s.size(), each = n / parts;
-  if (n < fewest) return {false, "too few rows to tell whether the stamps jitter"};
-  if (!(model.period > 0.0)) return {false, "the times do not grow"};
-  std::vector<double> ahead(n, 0.0);
-  for (std::size_t k = 1, at = 0; k < n; ++k) {
-    const StampGap gap = at < model.gaps.size() && model.gaps[at].row == k ? model.gaps[at++] : StampGap{k, 1, false};
-    ahead[k] = ahead[k - 1];
-    if (!gap.anew || gap.periods == 1) ahead[k] += times_s[k] - times_s[k - 1] - double(gap.periods) * model.period;
-  }
-  // Rms without the largest hundredth: knocks of the host, gaps that were not whole periods.
-  const auto scatter = [&](std::size_t m) {
-    std::vector<double> squares;
-    for (std::size_t k = 2 * m; k < n; ++k) {
-      const double bend = ahead[k] - 2.0 * ahead[k - m] + ahead[k - 2 * m];
-      squares.push_back(bend * bend);
-    }
-    const auto largest = squares.end() - std::ptrdiff_t(squares.size() / 100 + 1);
-    std::nth_element(squares.begin(), largest, squares.end());
-    return std::sqrt(std::accumulate(squares.begin(), largest, 0.0) / double(largest - squares.begin()));
-  };
-  const std::size_t far = std::min<std::size_t>(n / 8, 32);
-  const double jitter = scatter(1) / std::sqrt(6.0);  // of a stamp, if each is off by itself
-  const double resolution = resolution_of(times_s, model.period);
-  const double growth = jitter > 1e-9 * model.period ? scatter(far) / std::max(scatter(1), resolution) : 0.0;
-  // Of the rate from a sixteenth to the next, by the means of both.
-  const auto rows = double(each);
-  std::vector<double> means, rates;
-  for (std::size_t part = 0; part < parts; ++part) {
-    const std::span<const double> rows_of = std::span(ahead).subspan(part * each, each);
-    means.push_back(std::accumulate(rows_of.begin(), rows_of.end(), 0.0) / rows);
-    if (part > 0) rates.push_back((means[part] - means[part - 1]) / (rows * model.period));
-  }
-  std::ranges::sort(rates);
-  const double change = rates[parts - 3] - rates[1];
-  const bool paused = std::ranges::any_of(model.gaps, &StampGap::anew);  // the stamps around are off
-  const double spread = std::max(jitter, scatter(far) / std::sqrt(6.0)) * std::sqrt(double(far) / rows);
-  const double explained = (6.0 * (spread + (paused ? jitter : 0.0)) + 2.0 * resolution) / (rows * model.period);
-  const std::string said =
-      fmt::format("over {} rows the scatter of the stamps is {:.2g} times that over one", far, growth);
-  if (model.adds_up) return {false, "intervals that vary each by itself explain the stamps better than an even clock"};
-  if (model.bursts) return {true, "rows may come in bursts: the period is in doubt"};
-  if (growth > std::pow(double(far), 0.25)) return {false, said + ": it adds up, the intervals are real"};
-  if (!model.sure) return {true, "the period is in doubt"};
-  if (change > std::max(steady_rate, explained))
-    return {false, fmt::format("the rate changes by {:.2g} % within the record", 100.0 * change)};
-  if (growth == 0.0) return {true, "the stamps are even"};
-  return {true, said + ": it does not add up, the sampling is even and the stamps jitter"};
+  if (times_s.size() < fewest) return {false, "too few rows to tell whether the stamps jitter", true};
+  if (!(model.period > 0.0)) return {false, "the times do not grow", true};
+  if (model.adds_up)
+    return {false, "intervals that vary each by itself explain the stamps better than an even clock", model.sure};
+  if (!model.sure) return {true, "the period is in doubt", false};
+  if (model.scatter < 2.0 * even_scatter && model.held.empty() &&  // too little for the clock to tell
+      adds_up(ahead_of(times_s, model), 1, std::max(1e-9 * model.period, resolution_of(times_s, model.period))))
+    return {false, "the scatter of the stamps adds up, the intervals are real", true};
+  if (const double change = rate_change(times_s, model); change > 0.0)
+    return {false, fmt::format("the rate changes by {:.2g} % within the record", 100.0 * change), model.held.empty()};
+  return {true, fmt::format("an even clock explains the stamps, to {:.2g} of a period", model.scatter), true};
 }
 
 }  // namespace turncal

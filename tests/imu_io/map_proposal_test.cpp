@@ -335,7 +335,7 @@ TEST(Increments, WhatTheyAreWorth) {
 TEST(Increments, ARateThatChanges) {
   std::string csv;
   for (int k = 0; k < 1500; ++k) csv += fmt::format("{:.2f},0.5,0,0,0,0,9.8\n", k < 1000 ? 0.01 * k : 0.02 * k - 10.0);
-  const CsvImport content = expect_value(import_text(numbered_map(""), csv));
+  const CsvImport content = *good(import_text(numbered_map(""), csv));
   EXPECT_SAYS(content.chosen, "time.increments = intervals");
   EXPECT_LE(content.gaps, 1);  // where it changes
   const double period_s = content.info.sample_period_s;
@@ -357,14 +357,16 @@ TEST(Increments, GapsAndPeriodWhateverTheStampsDo) {
     const char* what;
     Stamp stamp;
     double tolerance;  // of the period
-  } cases[] = {{"even", [](int k) { return k; }, 1e-9},
-               {"early and late by a third", [&](int k) { return k + 0.3 * noise(random); }, 1e-5},
-               {"late by up to three", [&](int k) { return k + 0.5 * late(random); }, 2e-5},
-               {"knocks of the host", [](int k) { return k % 211 == 7 ? k + 3.4 : k; }, 1e-9},
-               {"two rows of one stamp", in_steps(2.0, 0), 1e-6},
-               {"steps of 0.7", in_steps(0.7, 0), 1e-5},
-               {"steps of a third, slowly past", in_steps(0.3335, 0), 2e-5},
-               {"bursts of ten", in_steps(10.0, 10), 1e-5}};
+  } cases[] = {
+      {"even", [](int k) { return k; }, 1e-9},
+      {"early and late by a third", [&](int k) { return k + 0.3 * noise(random); }, 1e-5},
+      {"late by up to three", [&](int k) { return k + 0.5 * late(random); }, 2e-5},
+      {"knocks of the host", [](int k) { return k % 211 == 7 ? k + 3.4 : k; }, 1e-9},
+      {"two rows of one stamp", in_steps(2.0, 0), 1e-6},
+      {"steps of 0.7", in_steps(0.7, 0), 1e-5},
+      {"steps of a third, slowly past", in_steps(0.3335, 0), 2e-5},
+      {"bursts of ten", in_steps(10.0, 10), 1e-5},
+      {"a queue", [&, at = 0.0](int k) mutable { return at = std::max(at + 0.1, random() % 99 ? k : k + 4.5); }, 1e-5}};
   for (const auto& c : cases) {
     SCOPED_TRACE(c.what);
     std::string csv;
@@ -372,7 +374,7 @@ TEST(Increments, GapsAndPeriodWhateverTheStampsDo) {
       const double stamp = period_s * c.stamp(k);
       csv += fmt::format("{:.9f},{},0,0,0,0,9.8\n", stamp, 1e-3 * noise(random));
     }
-    const CsvImport import = expect_value(import_text(numbered_map(), csv));
+    const CsvImport import = *good(import_text(numbered_map(), csv));
     EXPECT_SAYS(import.chosen, "time.increments = period");
     EXPECT_EQ(import.gaps, 3);
     EXPECT_EQ(import.samples.back().counter, 3999 + 9);
@@ -380,8 +382,7 @@ TEST(Increments, GapsAndPeriodWhateverTheStampsDo) {
   }
 }
 
-// Rows that were lost while the stamps jitter, as drawn, up to where nothing can be told: the period and the numbers of the rows are right, or
-// in doubt, and the import says so.
+// Rows that were lost while the stamps jitter, up to where nothing can be told: period and numbers of the rows are right, or said to be in doubt.
 TEST(Increments, LossesAreCountedOrInDoubt) {
   std::mt19937 random(9);
   std::normal_distribution<double> noise;
@@ -406,7 +407,7 @@ TEST(Increments, LossesAreCountedOrInDoubt) {
     const StampModel model = fit_stamps(times);
     if (!model.sure) {
       EXPECT_TRUE(in_doubt++ > 0 ||
-                  fails(import_text(numbered_map("time.increments = period\n"), csv), "another period explains them"));
+                  fails(import_text(numbered_map("time.increments = period\n"), csv), "another reading explains them"));
       continue;
     }
     EXPECT_NEAR(model.period / 0.005, 1.0, 5e-6 + 10.0 * jitter * std::pow(rows, -1.5));
@@ -423,8 +424,7 @@ TEST(Increments, LossesAreCountedOrInDoubt) {
   EXPECT_LE(in_doubt, 4);
 }
 
-// A logger that stops and starts again, at any phase, with stamps in steps that are no part of the period: the periods of all rows last as long as the
-// stamps say.
+// A logger that stops and starts again, with stamps in steps that are no part of the period: the periods of all rows last as long as they say.
 TEST(Increments, PausesLastAsLongAsTheStampsSay) {
   int of_two = 0;
   for (const double rate_hz : {200.0, 800.0, 833.0, 238.0})
@@ -492,7 +492,7 @@ TEST(Increments, DoubledRowsAreSaid) {
     EXPECT_TRUE(fails(import(5e-4, fine, doubled, nullptr),
                       fmt::format("d.csv:1002: repeats the row before, time and numbers, as {} of {} rows do", doubled,
                                   2000 + doubled)));
-    const CsvImport once = expect_value(import(5e-4, fine, doubled, "skip"));
+    const CsvImport once = *good(import(5e-4, fine, doubled, "skip"));
     EXPECT_EQ(once.samples.size(), 2000u);
     EXPECT_EQ(once.samples.back().counter, 1999);
     EXPECT_NEAR(once.info.sample_period_s, 5e-4, 1e-12);
