@@ -209,8 +209,11 @@ struct HangingStation {
     station.imu_timeout_s = 1000.0;
   }
   RunOutcome run(RunObserver& observer) {
-    StationHooks hooks{
-        .observers = {&observer}, .stop_requests = &stop_requests, .journal = &journal, .storage = &storage};
+    StationHooks hooks{.observers = {&observer},
+                       .stop_requests = &stop_requests,
+                       .calibrate = nullptr,
+                       .journal = &journal,
+                       .storage = &storage};
     const Plan planned = plan();
     StationRun station_run({table, unit, clock, LiveDevices::wait_a_little}, {sequence, planned, station},
                            {{unit, {&sink}, "SN1"}}, hooks);
