@@ -92,10 +92,10 @@ TEST(Diagnosis, OneUnstableSensorAmongStableOnesIsNoNoise) {
   Made made = make(unit(14));
   constexpr std::array jumps_s = {700.0, 1130.0, 1900.0, 2310.0, 3170.0, 3900.0, 4450.0, 5330.0};
   disturb(made.recording, made.truth, on_accel(1, [=](const DisturbedMoment& m) {
-            return (std::ranges::upper_bound(jumps_s, m.time_s) - jumps_s.begin()) % 2 == 0 ? 0.0 : 30.0 * ug;
+            return (std::ranges::upper_bound(jumps_s, m.time_s) - jumps_s.begin()) % 2 == 0 ? 0.0 : 10.0 * ug;
           }));
   const Diagnosis d = diagnose(made.recording);
-  EXPECT_GT(d.base.noise.accel_bias_instability_mps2, 5.0 * ug);
+  EXPECT_GT(d.base.noise.accel_bias_instability_mps2, 3.0 * ug);
   EXPECT_EQ(d.verdict, Verdict::unexplained);
   EXPECT_SAYS(d.unexplained_pattern, "the bias of accelerometer y changes with time");
 }
