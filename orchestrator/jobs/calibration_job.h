@@ -43,7 +43,8 @@ Result<Segmentation> find_rests(RecordingSource& source, const SegmentationOptio
 
 // Loads a recording; one without segments is segmented by its rests. By default its blocks are those of hand-turned data where there are no
 // table angles. `progress`, if given, gets the number of samples read so far; `blocks`: other block lengths; `before_step`: this and later steps
-// are left out (0: none is).
+// are left out; 0: those of the north seeking of a complete run.
+inline constexpr int all_steps = 1 << 30;
 Result<LoadedRecording> load_recording(RecordingSource& source, const std::function<void(std::int64_t)>& progress = {},
                                        const std::optional<CompressionOptions>& blocks = {}, int before_step = 0);
 Result<LoadedRecording> load_recording(const std::string& path, const std::function<void(std::int64_t)>& progress = {},

@@ -121,8 +121,8 @@ class ResultsDatabase {
   Status each_calibration(bool with_statistics, const std::function<void(const StoredCalibration&)>& each) const;
 
   Status check() const;  // an error that names the first defect of pages, references and rows
-  Status copy_into(
-      const std::string& path) const;  // a new SQLite file with the contents of one moment, while others write
+  // Writes a new SQLite file with the contents of one moment, while others write.
+  Status copy_into(const std::string& path) const;
 
   // Copies every row once, however often it is called, with one transaction for each page of rows. moves: then removes the rows here.
   Result<CopiedRows> copy_to(ResultsDatabase& other, bool moves = false) const;

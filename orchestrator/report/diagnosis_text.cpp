@@ -153,7 +153,6 @@ std::string brief_reason(const Diagnosis& d) {
     return latitude + "added: " + join(effects, "; ") + (d.trusted() ? "" : "; " + d.why_not_trusted);
   }
   if (!d.trusted()) return latitude + d.why_not_trusted;
-  if (d.verdict == Verdict::noise_model) return latitude + "the assumed noise does not fit the data";
   const std::string missing = "; probability that something is missing: " + words_of_probability(d.statements.anything);
   return latitude + "the parameters explain the data" + (d.statements.tested ? missing : "");
 }

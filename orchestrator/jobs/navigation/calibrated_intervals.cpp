@@ -154,7 +154,7 @@ Result<EffectTerms> EffectTerms::of(const ParameterFile& file, const std::string
     return terms;
   }
   std::optional<LoadedRecording> loaded;
-  if (given == nullptr) loaded = TRY(load_recording(source));
+  if (given == nullptr) loaded = TRY(load_recording(source, {}, {}, all_steps));
   const CompressedRecording& recording = given != nullptr ? *given : loaded->data;
   if (recording.blocks.empty())
     return input_error(source.path() + ": has no segments, expected some to evaluate effects over");

@@ -1,4 +1,6 @@
 // `turncal apply` with effects beyond the 24 parameters. Its forms: tests/golden/applied.sh.
+#include "orchestrator/jobs/calibration_job.h"
+#include "orchestrator/jobs/navigation/calibrated_intervals.h"
 #include "tests/orchestrator/results/rig_unit.h"
 
 namespace turncal {
@@ -30,6 +32,20 @@ TEST_F(Apply, TakesEffectsOff) {
   const double with = asymmetry_ug("with");
   EXPECT_NEAR(without, 200.0, 5.0);  // (9.7914 / 9.80665)^2 of 200, and half a pulse in 15 s
   EXPECT_NEAR(with, 0.0, 4.0);
+}
+
+// The rests of a north seeking are no part of a calibration; effects act in them all the same.
+TEST_F(Apply, EvaluatesEffectsInTheNorthSeekingToo) {
+  ends("run --dry-run --verify --no-diagnosis --unit SN1 --out v", 0);
+  ParameterFile file = truth_of("v");
+  file.effects.push_back({"accel_second_order", "y", 200.0, 1.0});
+  const auto source = good(RecordingSource::open(path("v")));
+  const CompressedRecording whole = good(load_recording(path("v"), {}, {}, all_steps))->data;
+  EXPECT_LT(good(load_recording(path("v")))->data.blocks.size(), whole.blocks.size());
+  auto of_source = good(EffectTerms::of(file, "v.conf", **source, nullptr));
+  auto of_blocks = good(EffectTerms::of(file, "v.conf", **source, &whole));
+  const std::int64_t last = whole.blocks.back().start_sample;
+  EXPECT_EQ(of_source->at(last).force_mps2, of_blocks->at(last).force_mps2);
 }
 
 TEST_F(Apply, SaysThatParametersAreNotTrusted) {
