@@ -102,6 +102,7 @@ JointResult model_on_holdout(const CompressedRecording& holdout, const JointResu
   if (other.cwiseAbs().maxCoeff() > start_limits.large_bias_degph) model.parameters.N0_degph = model.start.N0_degph;
   const std::vector<int> own = own_columns(result);
   constexpr int most_passes = 8;
+  std::vector<double> turned_last;
   for (int k = 0; k < most_passes; ++k) {
     setup.with_columns = true;
     const FilterResult pass =
@@ -118,7 +119,7 @@ JointResult model_on_holdout(const CompressedRecording& holdout, const JointResu
     }
     model.parameters = from_vector(values);
     // Attitude is linear in the heading error up to its square: an arc minute of that from the first pass would already show at the turns.
-    const double turned = correct_headings(pass, step, own, model.start, setup.headings_rad);
+    const double turned = correct_headings(pass, step, own, model.start, setup.headings_rad, turned_last);
     const double fall = -step.dot(pass.gradient(own));
     if (fall < near_enough && turned < 1.0) break;
   }

@@ -265,7 +265,8 @@ class JointRun {
     if (is_open()) step_within_ranges(pass, step_, sigma);
     move(step_);
     const double largest = step_.size() > 0 ? step_.cwiseQuotient(sigma).cwiseAbs().maxCoeff() : 0.0;
-    return std::max(largest, correct_headings(pass, step_, subset_, result_.start, result_.setup.headings_rad));
+    return std::max(largest,
+                    correct_headings(pass, step_, subset_, result_.start, result_.setup.headings_rad, last_headings_));
   }
 
   void move(const Eigen::VectorXd& step) {
@@ -411,7 +412,8 @@ class JointRun {
   std::vector<int> subset_;
   Eigen::VectorXd start_;  // where the parameters of the subset began
   SubsetSolution solution_;
-  Eigen::VectorXd step_;  // of the subset, the last one taken
+  Eigen::VectorXd step_;               // of the subset, the last one taken
+  std::vector<double> last_headings_;  // last correction of each chain's heading
   // Weight of the ranges: 1, or the misfit where larger. Else large residuals would push parameters that they hardly show.
   double looseness_ = 1.0;
   double misfit_ = 0.0;  // chi-square an observation before the last step of iterate()
@@ -482,16 +484,20 @@ Whiteness test_whiteness(const std::vector<Innovation>& innovations) {
 }
 
 double correct_headings(const FilterResult& pass, const Eigen::VectorXd& step, const std::vector<int>& subset,
-                        const JointStart& start, std::vector<double>& headings) {
+                        const JointStart& start, std::vector<double>& headings, std::vector<double>& last) {
   if (!(start.heading_sigma_rad < 1.0)) return 0.0;  // not seen: nothing to correct it by
+  constexpr double linear_rad = 0.5;
   const double first = headings.front();
+  const std::size_t chains = pass.heading_error_rad.size();
+  headings.resize(std::max(headings.size(), chains), first);
+  last.resize(headings.size(), 0.0);
   double largest = 0.0;
-  for (std::size_t k = 0; k < pass.heading_error_rad.size(); ++k) {
-    if (k >= headings.size()) headings.push_back(first);
-    const Eigen::VectorXd by_parameter = pass.heading_by_parameter[k](subset);
-    const double correction = pass.heading_error_rad[k] + by_parameter.dot(step);
-    headings[k] += correction;
-    largest = std::max(largest, std::abs(correction) / pass.heading_sigma_rad[k]);
+  for (std::size_t k = 0; k < chains; ++k) {
+    const double full = pass.heading_error_rad[k] + pass.heading_by_parameter[k](subset).dot(step);
+    const double limit = full * last[k] < 0.0 ? 0.5 * std::abs(last[k]) : linear_rad;
+    last[k] = std::clamp(full, -limit, limit);
+    headings[k] += last[k];
+    largest = std::max(largest, std::abs(last[k]) / pass.heading_sigma_rad[k]);
   }
   return largest;
 }

@@ -126,8 +126,10 @@ Eigen::MatrixXd response_to_temperature(const CompressedRecording& recording, co
 
 // Moves the heading about which every chain is linearised to the one that `pass` estimated, after the `step` taken
 // since in `columns`. Returns the largest correction in its sigma; 0 if the start does not observe the heading.
+// A chain that sees a horizontal rate larger than the Earth's overshoots: a step is at most half a radian, and a step
+// back at most half of the `last` one.
 double correct_headings(const FilterResult& pass, const Eigen::VectorXd& step, const std::vector<int>& columns,
-                        const JointStart& start, std::vector<double>& headings_rad);
+                        const JointStart& start, std::vector<double>& headings_rad, std::vector<double>& last);
 
 // Faults: where a recording contradicts itself, the joint estimate cuts the chain.
 //
