@@ -32,6 +32,9 @@ constexpr double explains = 1.0;
 constexpr double strong = 10.0;
 // An effect wrong by this part of itself does not follow its formula; one wrong by all of itself does not follow its driver.
 constexpr double formula_is_within = 0.3, driver_is_within = 1.0;
+// A curve that no shape of the table fits is spanned by several terms of its sensor. Beside such a curve, the probability that a
+// weaker term is an effect of its own: of second branches on drawn recordings, docs/diagnosis.md.
+constexpr double real_beside_a_curve = 0.4;
 constexpr Eigen::Index most_columns = 240;  // of a model, up to which it still takes in columns of inexactness
 constexpr double columns_show = 0.99;       // part of their information that the kept columns hold
 
@@ -248,7 +251,8 @@ State with_term(const PieceSystem& system, const TermTable& table, const Next& n
     return odds.head(std::ranges::lower_bound(inexactness, limit) - inexactness.begin()).sum() / odds.sum();
   };
   for (ModelTerm& t : child.terms)
-    if (t == next.last) t = {t.term, t.size, int(best), within(formula_is_within), within(driver_is_within)};
+    if (t == next.last)
+      t = {t.term, t.size, int(best), within(formula_is_within), within(driver_is_within), t.explained};
   if (best == 0) return child;
   M = A;
   M.diagonal().array() += 1.0 / variance[best];
@@ -288,6 +292,7 @@ LogWeights weigh_models(const UnderNoise& under, double elsewhere) {
           const double log_weight = state->log_weight + gain[k];
           if (!(log_weight > best - negligible)) continue;
           Next one = {log_weight, state->terms, {int(t), sizes.at[std::size_t(k)]}, state};
+          one.last.explained = sizes.explained[k];
           one.terms.push_back(one.last);
           std::sort(one.terms.begin(), one.terms.end());
           seen.emplace(one.terms, log_weight);
@@ -351,6 +356,26 @@ namespace {
 // Is a term more likely than not exact enough to be its formula?
 bool is_formula(const Term& term, const ModelTerm& t) { return term.kind == TermKind::effect && t.formula >= 0.5; }
 
+// What a model holds of one sensor: the strongest term, and whether every term follows a formula.
+struct OfSensor {
+  const Statement* strongest = nullptr;
+  double explained = 0.0;
+  bool formulas = true;
+};
+std::map<std::string, OfSensor> by_sensor(const TermTable& table, const WeighedModel& model) {
+  std::map<std::string, OfSensor> all;
+  for (const ModelTerm& t : model.terms) {
+    const Term& term = table.terms[std::size_t(t.term)];
+    if (term.kind == TermKind::noise) continue;
+    OfSensor& of = all[term.what.sensor];
+    of.formulas = of.formulas && is_formula(term, t);
+    if (of.strongest != nullptr && t.explained < of.explained) continue;
+    of.strongest = &term.what;
+    of.explained = t.explained;
+  }
+  return all;
+}
+
 }  // namespace
 
 Statements statements_of(const std::vector<UnderNoise>& under, const Posterior& posterior) {
@@ -363,18 +388,22 @@ Statements statements_of(const std::vector<UnderNoise>& under, const Posterior& 
     const auto says = [&](const Node& node, double probability) {
       mine.emplace(node, 1.0).first->second *= 1.0 - probability;
     };
-    const auto says_branch = [&](const Statement& w, double driver) {
+    const auto says_branch = [&](const Statement& w, double quantity, double driver) {
       says({w.sensor, "", "", ""}, 1.0);
-      says({w.sensor, w.quantity, "", ""}, 1.0);
-      says({w.sensor, w.quantity, w.driver, ""}, driver);
+      says({w.sensor, w.quantity, "", ""}, quantity);
+      says({w.sensor, w.quantity, w.driver, ""}, quantity * driver);
     };
-    if (const Statement& w = under[m.noise].what; !w.sensor.empty()) says_branch(w, 1.0);
+    if (const Statement& w = under[m.noise].what; !w.sensor.empty()) says_branch(w, 1.0, 1.0);
+    const std::map<std::string, OfSensor> of_sensor = by_sensor(*under[m.noise].table, m);
     for (const ModelTerm& t : m.terms) {
       const Term& term = under[m.noise].table->terms[std::size_t(t.term)];
       if (term.kind == TermKind::noise) continue;
       const Statement& w = term.what;
-      says_branch(w, term.unit < 0 ? 1.0 : t.driver);
-      if (term.kind == TermKind::effect) says({w.sensor, w.quantity, w.driver, w.formula}, t.formula);
+      const OfSensor& of = of_sensor.at(w.sensor);
+      const double real = of.formulas || of.strongest == &w ? 1.0 : real_beside_a_curve;
+      const bool same = w.quantity == of.strongest->quantity && w.driver == of.strongest->driver;
+      says_branch(w, same ? 1.0 : real, term.unit < 0 ? 1.0 : t.driver);
+      if (term.kind == TermKind::effect) says({w.sensor, w.quantity, w.driver, w.formula}, real * t.formula);
     }
     if (!mine.empty()) all.anything += m.probability;
     for (const auto& [node, not_said] : mine) nodes[node] += m.probability * (1.0 - not_said);

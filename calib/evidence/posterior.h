@@ -29,6 +29,7 @@ struct ModelTerm {
   int inexact = 0;  // most probable index into `inexactness`
   // Probabilities that it follows its formula, and that it follows its driver at all.
   double formula = 1.0, driver = 1.0;
+  double explained = 0.0;  // log evidence that it gained when it was added
   friend bool operator==(const ModelTerm& a, const ModelTerm& b) {
     return std::tie(a.term, a.size, a.inexact) == std::tie(b.term, b.size, b.inexact);
   }

@@ -53,8 +53,11 @@ std::string sentence(const Statement& s) {
 }  // namespace
 
 std::string words_of(const Statements& statements) {
-  std::string words;
+  std::string words, before;
   for (const Statement& s : statements.said()) {
+    const std::string branch = fmt::format("{}, {}, {}", s.sensor, s.quantity, s.driver);
+    if (branch == before) continue;  // further formulas of the same branch follow it
+    before = branch;
     words += (words.empty() ? "" : "; ") + sentence(s);
     std::string formulas;
     for (const Statement& f : statements.nodes)

@@ -186,6 +186,43 @@ TEST(Statements, HaveAReasonWhereNoBranchIsSaid) {
 
 // The filter carries a column for each effect through every block; the evidence puts them together from pieces of rest and turns. A shape that is off
 // by a thousandth of a scale factor's error moves the odds of two that are nearly alike by many sigma.
+TEST(Statements, SayABranchOfTwoFormulasOnce) {
+  const std::string gyro = "gyro y", scale = "scale factor";
+  const Statements s = {true,
+                        1.0,
+                        {{gyro, scale, "rate", "", 0.99},
+                         {gyro, scale, "rate", "gyro_rate_nonlinearity", 0.98},
+                         {gyro, scale, "rate", "gyro_lock_in", 0.97}}};
+  EXPECT_EQ(words_of(s),
+            "the scale factor of gyro y depends on the rate of rotation (0.98), by gyro_rate_nonlinearity (0.98) "
+            "and gyro_lock_in (0.97)");
+}
+
+// Beside a curve without a formula, what else a model holds of that sensor may be a part of the curve; of another sensor it is not.
+TEST(Statements, DoubtFurtherTermsOfASensorBesideACurve) {
+  TermTable table;
+  const auto add = [&](TermKind kind, const Statement& what) {
+    table.terms.emplace_back();
+    table.terms.back().kind = kind;
+    table.terms.back().what = what;
+  };
+  add(TermKind::pattern, {"gyro y", "scale factor", "turns", ""});
+  add(TermKind::effect, {"gyro y", "scale factor", "rate", "gyro_lock_in"});
+  add(TermKind::effect, {"gyro y", "scale factor", "time", "gyro_scale_drift"});
+  add(TermKind::effect, {"gyro x", "bias", "time", "gyro_warm_up"});
+  const std::vector<UnderNoise> under = {{.table = std::make_shared<TermTable>(table), .blocks = {}}};
+  const auto term = [](int number, double explained) { return ModelTerm{.term = number, .explained = explained}; };
+  const auto probability = [&](const std::vector<ModelTerm>& terms, const std::string& formula) {
+    const Statements all = statements_of(under, {{{terms, 0, 1.0}}});
+    const auto node = std::ranges::find(all.nodes, formula, &Statement::formula);
+    return node == all.nodes.end() ? 0.0 : node->probability;
+  };
+  EXPECT_EQ(probability({term(0, 90.0), term(1, 20.0), term(3, 9.0)}, "gyro_lock_in"), 0.4);
+  EXPECT_EQ(probability({term(0, 90.0), term(1, 20.0), term(3, 9.0)}, "gyro_warm_up"), 1.0);
+  EXPECT_EQ(probability({term(0, 20.0), term(1, 90.0)}, "gyro_lock_in"), 1.0);
+  EXPECT_EQ(probability({term(1, 90.0), term(2, 20.0)}, "gyro_scale_drift"), 1.0);
+}
+
 TEST(Evidence, SaysOfWhatActsInTurnsWhatTheFilterSays) {
   RigConfig config = unit(14);
   config.effects.gyro_rate_nonlinearity = {3000.0, 0.0, 0.0};
