@@ -320,9 +320,8 @@ class Importer {
   // Rows that were written twice: stamp and numbers of the row before, but of a coarse sensor, which repeats itself at other stamps as often.
   Status leave_out_doubles() {
     std::vector<Fate> fates(rows_);
-    double doubles = 0.0, same_stamps = 0.0,
-           repeats = 0.0;    // with the stamp of the row before, with its numbers at another
-    std::int64_t first = 0;  // line
+    double doubles = 0.0, same_stamps = 0.0, repeats = 0.0;  // repeats: the numbers of the row before at another stamp
+    std::int64_t first = 0;                                  // line
     for (std::size_t k = 1; k < marks_.size(); ++k) {
       const bool same_time = times_[k] == times_[k - 1], same_numbers = marks_[k].numbers == marks_[k - 1].numbers;
       same_stamps += same_time ? 1.0 : 0.0;

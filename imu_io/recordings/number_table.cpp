@@ -7,6 +7,7 @@
 #include <zlib.h>
 
 #include <algorithm>
+#include <charconv>
 #include <cmath>
 #include <future>
 #include <iterator>
@@ -27,16 +28,18 @@ constexpr std::string_view npy_magic = "\x93NUMPY";
 
 // ---- text ----
 
-// The lines of bytes that come in pieces.
+// Reads the lines of bytes that come in pieces.
 class LineReader {
  public:
   explicit LineReader(const TableBytes& bytes) : bytes_(bytes) {}
-  // The next one, without its end, until the next call; false at the end of the file.
-  Result<bool> next(std::string_view& line) {
+  // Gives the next line without its end, valid until the next call; false at the end of the file, and where status() is an error.
+  bool next(std::string_view& line) {
     constexpr std::uint64_t usual = 1 << 12;
     std::size_t end = left_.find('\n');
     for (std::uint64_t least = usual; end == left_.npos && at_ + left_.size() < bytes_.size; least *= 2) {
-      left_ = TRY(bytes_.at(at_, least));
+      const Result<std::string_view> more = bytes_.at(at_, least);
+      if (!more) status_ = more.error();
+      left_ = more ? *more : std::string_view();
       end = left_.find('\n');
       if (left_.size() < least) break;
     }
@@ -48,10 +51,12 @@ class LineReader {
     if (line.ends_with('\r')) line.remove_suffix(1);
     return true;
   }
+  const Status& status() const { return status_; }
   bool has_end() const { return has_end_; }  // the line that came last
 
  private:
   const TableBytes& bytes_;
+  Status status_;
   bool has_end_ = true;
   std::uint64_t at_ = 0;  // where what is left begins
   std::string_view left_;
@@ -77,30 +82,6 @@ class BlockHandler {
   std::future<Status> taken_;
 };
 
-// As std::from_chars: where the number at `at` ends; there is none where that is `at` itself. Fifteen digits and a power of ten up to
-// 10^15 are doubles, and their quotient is rounded once (Clinger, 1990).
-const char* read_number(const char* at, const char* end, double& value) {
-  static constexpr double sign[] = {1.0, -1.0};
-  static constexpr double powers[] = {1e0, 1e1, 1e2,  1e3,  1e4,  1e5,  1e6,  1e7,
-                                      1e8, 1e9, 1e10, 1e11, 1e12, 1e13, 1e14, 1e15};
-  const bool negative = at != end && *at == '-';
-  const char *p = at + negative, *const first = p;
-  std::uint64_t digits = 0;
-  const auto read_digits = [&] {
-    for (; p != end && *p >= '0' && *p <= '9'; ++p) digits = 10 * digits + std::uint64_t(*p - '0');
-  };
-  read_digits();
-  std::ptrdiff_t count = p - first, decimals = 0;
-  if (p != end && *p == '.') {
-    const char* const point = ++p;
-    read_digits();
-    count += decimals = p - point;
-  }
-  if (count == 0 || count > 15 || (p != end && (*p == 'e' || *p == 'E'))) return std::from_chars(at, end, value).ptr;
-  value = sign[negative] * double(digits) / powers[decimals];
-  return p;
-}
-
 class CsvTable {
  public:
   CsvTable(const TableBytes& bytes, const std::string& file_name, const std::vector<WantedColumn>& wanted,
@@ -116,8 +97,9 @@ class CsvTable {
     std::vector<std::string> header;
     std::string_view row;
     for (int k = 0; k < format_.header_lines; ++k) {
-      bool more = TRY(next_row(row));
-      while (more && is_remark(row)) more = TRY(next_row(row));
+      bool more = next_row(row);
+      while (more && is_remark(row)) more = next_row(row);
+      TRY(lines_.status());
       if (!more) return defect("the file ends inside its " + std::to_string(format_.header_lines) + " header lines");
       row = trimmed(row);
       while (row.starts_with('#') || row.starts_with('%')) row = trimmed(row.substr(1));
@@ -127,35 +109,32 @@ class CsvTable {
     while (!format_.whole_rows && !header.empty() && header.back().empty()) header.pop_back();
     TRY(find_columns(header));
     if (named_ || format_.whole_rows) width_ = header.size();
-    row_.resize(wanted_.size());
     TRY(end_block());
     find_cells();
-    for (std::int64_t position = 0; TRY(next_row(row));) {
-      const bool plain = read_plain_row(row);
-      if (const std::string_view text = plain ? row : trimmed(row);
-          !plain && (text.empty() || text.starts_with('#') || is_remark(row)))
-        continue;
-      // Part of a number is a number, too.
-      const Status whole = lines_.has_end() ? Status() : defect("the last line has no end: it may be cut off");
-      if (Status status = !whole ? whole : plain ? Status() : read_row(row); !status) {
-        if (!format_.skip_bad_rows && (whole || format_.whole_rows)) return status.error();
-        if (table_.bad_rows++ == 0) table_.first_bad = status.error().message;
-      } else {
-        table_.position[used_] = position;
-        table_.line[used_] = line_;
-        for (std::size_t k = 0; k < row_.size(); ++k)
-          if (index_[k] != missing) table_.columns[k][used_] = row_[k];
-        ++used_;
+    for (std::int64_t position = 0; next_row(row);) {
+      if (!lines_.has_end() || !read_plain_row(row)) {
+        const std::string_view text = trimmed(row);
+        if (text.empty() || text.starts_with('#') || is_remark(row)) continue;
+        // Part of a number is a number, too.
+        const Status whole = lines_.has_end() ? Status() : defect("the last line has no end: it may be cut off");
+        if (Status status = !whole ? whole : read_row(row); !status) {
+          if (!format_.skip_bad_rows && (whole || format_.whole_rows)) return status.error();
+          if (table_.bad_rows++ == 0) table_.first_bad = status.error().message;
+          ++position;
+          continue;
+        }
       }
-      ++position;
-      if (used_ == block_rows) TRY(end_block());
+      table_.position[used_] = position++;
+      table_.line[used_] = line_;
+      if (++used_ == block_rows) TRY(end_block());
     }
+    TRY(lines_.status());
     return end_block();
   }
 
  private:
-  Result<bool> next_row(std::string_view& row) {
-    const bool more = TRY(lines_.next(row));
+  bool next_row(std::string_view& row) {
+    const bool more = lines_.next(row);
     if (more && ++line_ == 1 && row.starts_with("\xEF\xBB\xBF")) row.remove_prefix(3);
     return more;
   }
@@ -219,13 +198,16 @@ class CsvTable {
     const char *at = text.data(), *const end = at + text.size();
     for (std::size_t cell = 0; cell < cells_wanted_.size(); ++cell) {
       if (cell > 0 && (at == end || *at++ != format_.delimiter)) return false;
-      if (const std::size_t k = cells_wanted_[cell]; k != missing)
-        at = read_number(at, end, row_[k] = NAN);
-      else
+      const std::size_t k = cells_wanted_[cell];
+      if (k == missing) {
         at = std::find(at, end, format_.delimiter);
+        continue;
+      }
+      double& value = table_.columns[k][used_] = NAN;
+      at = std::from_chars(at, end, value).ptr;
+      if (!std::isfinite(value)) return false;
     }
-    return !cells_wanted_.empty() && (at == end || (format_.only_wanted && *at == format_.delimiter)) &&
-           std::ranges::all_of(row_, [](double value) { return std::isfinite(value); });
+    return !cells_wanted_.empty() && (at == end || (format_.only_wanted && *at == format_.delimiter));
   }
 
   Result<double> number(std::size_t column) const {
@@ -256,7 +238,7 @@ class CsvTable {
     }
     for (std::size_t k = 0; k < wanted_.size(); ++k) {
       if (index_[k] == missing) continue;
-      row_[k] = TRY(number(k));
+      table_.columns[k][used_] = TRY(number(k));
     }
     return {};
   }
@@ -273,8 +255,7 @@ class CsvTable {
   bool named_ = false;     // a column is
   static constexpr std::size_t missing = std::size_t(-1);
   std::vector<std::size_t> index_, cells_wanted_;  // the cell of each wanted column, and the reverse
-  std::vector<double> row_;
-  NumberTable table_;  // `used_` rows of it
+  NumberTable table_;                              // `used_` rows of it
   std::size_t used_ = 0;
 };
 

@@ -24,6 +24,11 @@ constexpr double any = std::numeric_limits<double>::infinity();
 constexpr double sure_by = 4.6;        // nats: 100 to 1
 constexpr double longest_round = 8.0;  // of a loop, in usual ones
 
+// From one row to the next that is looked at, where `most` tell enough.
+std::size_t stride_of(std::size_t rows, std::size_t most = std::size_t{1} << 17) {
+  return std::max<std::size_t>(1, rows / most);
+}
+
 // The steps in which stamps are written, where they are coarse: the longest of which all intervals are multiples. 0: not seen.
 double resolution_of(std::span<const double> times, double period) {
   constexpr std::size_t most = 4096, tries = 32;
@@ -192,13 +197,15 @@ double told_by_intervals(std::span<const double> times, double cell) {
   return least;
 }
 
-// The likeliest reading with that scatter and share of gaps. The period that is returned follows from the gaps, and they from the one that is given.
+// Returns the likeliest reading with this scatter and share of gaps. Its gaps follow from the period that is given, and its own period from them.
+// One that costs more than `limit` is given up; a smaller scatter may gain each row the logarithm of it, so this much more is allowed.
 StampModel reading(std::span<const double> times, StampModel model, double gap, double share, double limit) {
   constexpr std::size_t most_tracks = 8;
   constexpr double rarer = 5.0, rarest = 40.0, hopeless = 60.0, far = 32.0, longest = 1e15, service = 0.1,
                    slowest = 0.5;
   const Noise noise(model.scatter, model.cell / model.period);
   share = std::clamp(share, 1e-5, 0.9);
+  limit += double(times.size()) * std::log(model.scatter / even_scatter);
   const double stay = -std::log1p(-share), rare = -std::log(share), rate = 1.0 / model.period;
   const double onset = noise.anywhere + std::log((double(times.size()) + 1.0) / (double(model.held.size()) + 0.5)),
                served = std::max(0.0, noise.anywhere + std::log(service));
@@ -263,7 +270,8 @@ StampModel reading(std::span<const double> times, StampModel model, double gap, 
         join(leaps);
       };
       // A leap ahead is time that passed.
-      if (cost >= noise.most) leap(off < 0.5 + noise.half ? 0.0 : std::max(0.0, std::round(off + track.carried)), true);
+      if (k > 0 && cost >= noise.most)
+        leap(off < 0.5 + noise.half ? 0.0 : std::max(0.0, std::round(off + track.carried)), true);
       if (!(late || track.held) || off < 0.5) continue;
       // Where stamps scatter by many periods it may be any of as many.
       const double around = std::min(noise.half + 3.0 * std::hypot(noise.scatter, track.spread()), far);
@@ -300,20 +308,15 @@ StampModel reading(std::span<const double> times, StampModel model, double gap, 
   return model;
 }
 
-// The scatter is the likeliest one, by halves. A smaller one gains a row no more than its logarithm: whoever cannot come below `limit` is left.
-StampModel fit(std::span<const double> times, const StampModel& start, double gap, double share, double limit) {
-  const auto read = [&](const StampModel& from, double likely) {
-    const double gain = double(times.size()) * std::log(from.scatter / even_scatter);
-    return reading(times, from, gap, likely, limit + gain);
-  };
-  StampModel best = read(start, share);
-  best = read(best, share_of(best, times));
+// Follows a first reading to the likeliest scatter, by halves.
+StampModel fit(std::span<const double> times, const StampModel& first, double gap, double limit) {
+  StampModel best = reading(times, first, gap, share_of(first, times), limit);
   for (const double factor : {0.25, 0.5, 2.0, 0.7, 1.4})
     for (bool better = true; better && std::isfinite(best.cost);) {
       StampModel other = best;
       other.scatter = std::max(even_scatter, best.scatter * factor);
       if (other.scatter == best.scatter) break;
-      other = read(other, share_of(best, times));
+      other = reading(times, other, gap, share_of(best, times), limit);
       better = factor < 1.0 ? other.cost <= best.cost : other.cost < best.cost;
       if (better) best = std::move(other);
     }
@@ -378,7 +381,7 @@ double more_as_losses(const std::vector<std::pair<std::size_t, double>>& found, 
 
 std::vector<double> intervals_of(std::span<const double> times, std::size_t most) {
   std::vector<double> intervals;
-  const std::size_t step = std::max<std::size_t>(1, times.size() / most);
+  const std::size_t step = stride_of(times.size(), most);
   for (std::size_t k = 1; k < times.size(); k += step) intervals.push_back(times[k] - times[k - 1]);
   return intervals;
 }
@@ -415,27 +418,37 @@ StampModel real_intervals(std::span<const double> times, double gap) {
 
 namespace {
 
-// How far stamps are ahead of an even clock.
-std::vector<double> ahead_of(std::span<const double> times, const StampModel& model) {
-  std::vector<double> ahead(times.size(), 0.0);
-  double now = 0.0;
-  for (std::size_t k = 1, at = 0, late = 0; k < times.size(); ++k) {
-    const StampGap gap = at < model.gaps.size() && model.gaps[at].row == k ? model.gaps[at++] : StampGap{k, 1, false};
-    if (!gap.anew || gap.periods == 1) now += times[k] - times[k - 1] - double(gap.periods) * model.period;
-    const bool held = late < model.held.size() && model.held[late] == k;
-    late += held ? 1 : 0;
-    ahead[k] = held ? ahead[k - 1] : now;
+// How far each stamp is ahead of an even clock; one that is held as far as the one before it.
+class Ahead {
+ public:
+  Ahead(std::span<const double> times, const StampModel& model) : times_(times), model_(model) {
+    begins_.emplace_back(0, times[0]);
+    for (const StampGap& gap : model.gaps) {
+      const bool unknown = gap.anew && gap.periods > 1;  // how long the pause was
+      const double passed = unknown ? times[gap.row] - times[gap.row - 1] : double(gap.periods) * model.period;
+      begins_.emplace_back(gap.row, begins_.back().second + passed - model.period);
+    }
   }
-  return ahead;
-}
+  std::size_t size() const { return times_.size(); }
+  double operator[](std::size_t row) const {
+    while (row > 0 && std::ranges::binary_search(model_.held, row)) --row;
+    const auto behind = std::ranges::upper_bound(begins_, row, {}, &std::pair<std::size_t, double>::first);
+    return times_[row] - std::prev(behind)->second - double(row) * model_.period;
+  }
+
+ private:
+  const std::span<const double> times_;
+  const StampModel& model_;
+  std::vector<std::pair<std::size_t, double>> begins_;  // rows behind gaps, and what row 0 of their clock would say
+};
 
 constexpr std::size_t longest_span = 32;  // rows
 
 // Rms of p[k + 2m] - 2 p[k + m] + p[k] without the largest hundredth: knocks of the host, gaps that were not whole periods.
-double bend_over(std::span<const double> ahead, std::size_t m) {
+double bend_over(const Ahead& ahead, std::size_t m) {
   std::vector<double> squares;
   if (ahead.size() <= 2 * m) return 0.0;
-  for (std::size_t k = 2 * m; k < ahead.size(); ++k) {
+  for (std::size_t k = 2 * m; k < ahead.size(); k += stride_of(ahead.size())) {
     const double bend = ahead[k] - 2.0 * ahead[k - m] + ahead[k - 2 * m];
     squares.push_back(bend * bend);
   }
@@ -445,7 +458,7 @@ double bend_over(std::span<const double> ahead, std::size_t m) {
 }
 
 // Whether errors add up, by more than the geometric mean of what they do if each stamp, and if each interval, is off by itself.
-bool adds_up(std::span<const double> ahead, std::size_t near, double resolution) {
+bool adds_up(const Ahead& ahead, std::size_t near, double resolution) {
   const std::size_t far = std::min(ahead.size() / 8, near * longest_span);
   const double before = std::max({bend_over(ahead, near), bend_over(ahead, near * 2 / 3), bend_over(ahead, near / 2)});
   return bend_over(ahead, far) > std::max(before, resolution) * std::pow(double(far) / double(near), 0.25);
@@ -454,14 +467,18 @@ bool adds_up(std::span<const double> ahead, std::size_t near, double resolution)
 // Of the rate from a sixteenth of the record to the next, by the middle ones of both; 0: scatter explains it, or a clock that drifts.
 double rate_change(std::span<const double> times, const StampModel& model) {
   constexpr std::size_t parts = 16;
-  std::vector<double> ahead = ahead_of(times, model), middles, rates;
+  const Ahead ahead(times, model);
+  std::vector<double> middles, rates;
   const std::size_t each = times.size() / parts;
   if (each < 2) return 0.0;
   const double rows = double(each),
                scatter = std::max(bend_over(ahead, 1), bend_over(ahead, longest_span)) / std::sqrt(6.0);
   const bool paused = model.adds_up || std::ranges::any_of(model.gaps, &StampGap::anew);  // the stamps around are off
   for (std::size_t part = 0; part < parts; ++part) {
-    middles.push_back(median(std::span(ahead).subspan(part * each, each)));
+    std::vector<double> some;
+    for (std::size_t row = part * each; row < (part + 1) * each; row += stride_of(times.size()))
+      some.push_back(ahead[row]);
+    middles.push_back(median(some));
     if (part > 0) rates.push_back((middles[part] - middles[part - 1]) / (rows * model.period));
   }
   std::ranges::sort(rates);
@@ -488,11 +505,12 @@ StampModel fit_stamps(std::span<const double> times, double gap) {
     return whole(std::llround(slope / fine)) + std::log(rows) * (step > fine && model.cell == fine ? -1.0 : 1.0);
   };
   const auto consider = [&](double period, double scatter, double cell) {
-    StampModel found = fit(some, {.period = period, .scatter = scatter, .cell = cell, .gaps = {}}, gap,
-                           std::max(0.0, 1.0 - period / slope), cell < step ? any : best.cost + sure_by);
-    if (double(found.gaps.size()) > most_behind * rows && !readings.empty()) return;
-    found.cost += name_of(found);
-    readings.push_back(std::move(found));
+    const double limit = cell < step ? any : best.cost + sure_by;
+    const StampModel start{.period = period, .scatter = scatter, .cell = cell, .gaps = {}};
+    const StampModel first = reading(some, start, gap, std::max(0.0, 1.0 - period / slope), limit);
+    if (!readings.empty() && double(first.gaps.size()) > most_behind * rows) return;
+    readings.push_back(fit(some, first, gap, limit));
+    readings.back().cost += name_of(readings.back());
     if (readings.back().cost < best.cost) best = readings.back();
   };
   const double cell = std::max(step, fine);
@@ -517,7 +535,11 @@ StampModel fit_stamps(std::span<const double> times, double gap) {
   });
   // Where all rows keep within half a period along one straight line none is missing.
   const StampModel even{.period = slope_of(times), .gaps = {}};
-  const auto [early, late] = std::ranges::minmax(ahead_of(times, even));
+  double early = 0.0, late = 0.0;
+  for (std::size_t row = 0; row < times.size(); ++row) {
+    const double ahead = times[row] - times[0] - double(row) * even.period;
+    early = std::min(early, ahead), late = std::max(late, ahead);
+  }
   if (best.gaps.empty() && best.held.empty() && gap >= 1.5 && late - early < 0.5 * even.period)
     best.period = even.period;
   else
@@ -538,11 +560,12 @@ StampModel fit_stamps(std::span<const double> times, double gap) {
   if (less > -sure_by) {
     StampModel real = real_intervals(times, gap);
     const std::size_t longer_than_bursts = std::clamp<std::size_t>(times.size() / 64, 1, 64);
-    const bool walk = rate_change(times, real) > 0.0 ||
-                      adds_up(ahead_of(times, real), longer_than_bursts, std::max(step, even_scatter * slope));
     const bool same = std::abs(real.period / best.period - 1.0) < is_known &&
                       std::ranges::equal(real.gaps, best.gaps, {}, &StampGap::row, &StampGap::row);
-    if (same && best.scatter < (walk ? 2.0 * even_scatter : near_scatter)) return best;  // both say the same
+    if (same && best.scatter < 2.0 * even_scatter) return best;  // both say the same
+    const bool walk = rate_change(times, real) > 0.0 ||
+                      adds_up({times, real}, longer_than_bursts, std::max(step, even_scatter * slope));
+    if (same && best.scatter < near_scatter && !walk) return best;
     real.sure = real.sure && less > sure_by && walk;
     return real;
   }
@@ -561,7 +584,7 @@ IncrementsChoice choose_increments(std::span<const double> times_s, const StampM
     return {false, "intervals that vary each by itself explain the stamps better than an even clock", model.sure};
   if (!model.sure) return {true, "the period is in doubt", false};
   if (model.scatter < 2.0 * even_scatter && model.held.empty() &&  // too little for the clock to tell
-      adds_up(ahead_of(times_s, model), 1, std::max(1e-9 * model.period, resolution_of(times_s, model.period))))
+      adds_up({times_s, model}, 1, std::max(1e-9 * model.period, resolution_of(times_s, model.period))))
     return {false, "the scatter of the stamps adds up, the intervals are real", true};
   if (const double change = rate_change(times_s, model); change > 0.0)
     return {false, fmt::format("the rate changes by {:.2g} % within the record", 100.0 * change), model.held.empty()};

@@ -81,7 +81,7 @@ class RestReader {
 
   Status add(std::span<const ImuSample> samples) {
     for (const ImuSample& sample : samples) {
-      if (!TRY(at_rest(sample.counter))) continue;
+      if (!segments_.empty() && !TRY(at_rest(sample.counter))) continue;
       if (sample.flags != 0 || !channels_of(sample).allFinite() || spikes_.spike_in(sample))
         ++left_out_;
       else if (begin_.push_back(sample); begun_ || begin_.size() == known_from)
@@ -160,7 +160,6 @@ class RestReader {
   }
 
   Result<bool> at_rest(std::int64_t counter) {
-    if (segments_.empty()) return true;
     while (index_ < segments_.size() && counter >= segments_[index_].end_sample) {
       const Segment& past = segments_[index_++];
       if (index_ == segments_.size()) return false;
