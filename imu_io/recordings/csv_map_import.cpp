@@ -100,7 +100,7 @@ Result<CsvMap> read_map(KeyValueFile& file) {
 
 // ---- the table ----
 
-// What a row has, as in the file.
+// A row, as it is in the file.
 struct Row {
   double time = 0.0;
   Eigen::Vector3d gyro = Eigen::Vector3d::Zero(), accel = gyro;
@@ -108,17 +108,17 @@ struct Row {
   std::int64_t line = 0;  // in the file
 };
 
-// Whoever knows no axis sets its turn aside too.
+// Marks a sample as clipped. Readers that know no axes set its turn aside as invalid.
 void mark_clipped(ImuSample& sample, int axis) { sample.flags |= gyro_clipped_flag(axis) | sample_flag_invalid; }
 
 Eigen::Vector3d three_of(const NumberTable& table, std::size_t row, std::size_t first, std::size_t step) {
   return {table.columns[first][row], table.columns[first + step][row], table.columns[first + 2 * step][row]};
 }
 
-// Samples of an even clock, out of increments over intervals of any length: of each period their integral, even within an interval.
+// Makes samples of an even clock from increments over intervals of any length: a sample is their integral over its period.
 class EvenGrid {
  public:
-  // From begin_s to end_s; of each period that is whole by then `emit(sample)`. Of one of which a part is not known there is none.
+  // Adds an increment from begin_s to end_s, and calls emit(sample) for each period that it completes. A period with an unknown part gives no sample.
   template <class Emit>
   Status add(const ImuSample& row, double begin_s, double end_s, double period_s, Emit emit) {
     const double within = 1e-6;  // of a period
@@ -148,7 +148,7 @@ class EvenGrid {
   ImuSample sum_;
 };
 
-// Twice through the rows: for the stamps, and for the samples; once more for rows that were written twice, where stamps repeat.
+// Reads the rows twice, for the stamps and for the samples, and once more if stamps repeat, to find rows that were written twice.
 class Importer {
  public:
   Importer(const CsvMap& map, const ColumnSource& source, const ColumnSource* accel)
@@ -171,7 +171,7 @@ class Importer {
     std::vector<Mark>().swap(marks_);
     if (accel_source_ != nullptr) TRY(read_accel());
     if (rows_ < 10) {
-      TRY(each_row([](std::size_t, const Row&) { return Status(); }));  // it says which column is missing
+      TRY(each_row([](std::size_t, const Row&) { return Status(); }));  // its error names a missing column
       return input_error(source_.file_name + ": expected at least 10 rows of data, found " + std::to_string(rows_));
     }
     TRY(make_intervals());
@@ -207,7 +207,7 @@ class Importer {
     return {};
   }
 
-  // In seconds since the first: stamps are numbers of 1.7e15 us, seconds of them would be rounded. `first`: the place of the clocks' columns.
+  // Returns the seconds since the first stamp; stamps such as 1.7e15 us would be rounded in seconds. `first` is the place of the clocks' columns.
   double time_of(const NumberTable& block, std::size_t first, std::size_t row) {
     double time_s = 0.0;
     for (std::size_t k = 0; k < map_.clocks.size(); ++k) {
@@ -218,7 +218,7 @@ class Importer {
     return time_s;
   }
 
-  // `visit`: of every row that is not left out; its number among them, from 0, and the row.
+  // Visits every row that is not left out, with its number among them, from 0.
   template <class Visit>
   Status each_row(Visit visit) {
     std::size_t number = 0, kept = 0;
@@ -239,11 +239,11 @@ class Importer {
     });
   }
 
-  // The stamps alone: a bad row ends the import later, unless such are left out.
+  // Reads the stamps alone. A bad row ends the import in a later pass, unless bad rows are left out.
   Status scan() {
     constexpr std::uint64_t most_reserved = std::uint64_t{1} << 26;
     if (timed()) times_.reserve(std::min(source_.likely_rows, most_reserved));
-    // Of a table without times the first column tells how many rows there are.
+    // In a table without times the first column tells the number of rows.
     const auto first = wanted_.begin() + std::ptrdiff_t(timed() ? time_ : 0);
     const bool all = map_.format.skip_bad_rows;
     TableFormat format = map_.format;
@@ -269,14 +269,14 @@ class Importer {
     result_.bad_rows += rows;
   }
 
-  // `rows` of them with a defect; `first`: of the first.
+  // Counts rows with a defect, or returns the defect of the first.
   Status leave_out(std::int64_t rows, const Error& first) {
     if (!map_.format.skip_bad_rows) return first;
     count_bad(rows, first.message);
     return {};
   }
 
-  // What becomes of a row. Lost: the unit had a sample there, whose number is left out.
+  // What becomes of a row. A lost row was a sample, so its number is left out.
   enum class Fate : char { kept, left_out, lost };
 
   void sieve(const std::vector<Fate>& fates) {
@@ -304,7 +304,7 @@ class Importer {
     if (timed()) times_.resize(kept);
   }
 
-  // What tells rows apart whose times do not.
+  // Marks rows by their numbers if their times do not tell them apart.
   Status mark_rows() {
     if (std::ranges::adjacent_find(times_, std::greater_equal()) == times_.end()) return {};
     marks_.reserve(rows_);
@@ -317,7 +317,7 @@ class Importer {
     });
   }
 
-  // Rows that were written twice: stamp and numbers of the row before, but of a coarse sensor, which repeats itself at other stamps as often.
+  // Leaves out rows that were written twice, with the stamp and numbers of the row before. A coarse sensor repeats itself at new stamps as often.
   Status leave_out_doubles() {
     std::vector<Fate> fates(rows_);
     double doubles = 0.0, same_stamps = 0.0, repeats = 0.0;  // repeats: the numbers of the row before at another stamp
@@ -339,7 +339,7 @@ class Importer {
     return {};
   }
 
-  // Of the rows that are kept by now.
+  // The reading of the rows that are kept so far.
   StampModel& stamps() {
     if (!stamps_) stamps_ = fit_stamps(times_, map_.gap);
     return *stamps_;
@@ -353,8 +353,8 @@ class Importer {
     result_.chosen = fmt::format("time.increments = {}: {}", measured() ? "intervals" : "period", choice.reason);
   }
 
-  // Times must increase; with `period` they may jitter back by what they scatter by. A row with the time of another one and other numbers was
-  // sampled while the clock was behind; one with the same numbers was written twice, and one with a time of its own is out of its place.
+  // Leaves out rows whose time does not increase; with `period` it may step back within the scatter. A row with the time of another one but other
+  // numbers was sampled while the clock was behind. With the same numbers it was written twice, and with a time of its own it is out of place.
   Status order_rows() {
     if (!timed() || rows_ < 2 ||
         (measured() ? std::ranges::is_sorted(times_, std::less_equal()) : std::ranges::is_sorted(times_)))
@@ -364,7 +364,7 @@ class Importer {
     for (double& step : steps) step = std::abs(step);
     const double usual = median(steps);
     double back = 0.0;
-    if (!measured()) {  // a row that a host delayed leaves its place empty; one that is out of its place does not
+    if (!measured()) {  // a delayed row leaves its place empty; one out of place does not
       std::vector<double> sorted = times_;
       std::ranges::sort(sorted);
       sorted.erase(std::unique(sorted.begin(), sorted.end()), sorted.end());
@@ -397,7 +397,7 @@ class Importer {
     return {};
   }
 
-  // In the unit of the first clock.
+  // Reports the time in the unit of the first clock.
   Error goes_back(const ColumnSource& source, std::int64_t line, const std::string& column, double time_s) const {
     for (std::size_t k = 1; k < map_.clocks.size(); ++k) time_s += first_stamp_[k] * map_.clocks[k].unit_s;
     return input_error(
@@ -442,7 +442,7 @@ class Importer {
       return input_error(
           "{}: {} of {} rows fall into the time of {}: expected at least 10, with times in the same unit",
           source.file_name, common, n, source_.file_name);
-    // Nothing is known in an interval of which rows are missing.
+    // Nothing is known in an interval with missing rows.
     std::vector<bool> lost(n);
     for (const StampGap& gap : missing) lost[gap.row] = true;
     for (const StampGap& gap : fit_stamps(time, map_.gap).gaps) lost[gap.row] = true;
@@ -457,7 +457,7 @@ class Importer {
     }
     result_.without_accel = std::ssize(fates) - std::ranges::count(fates, Fate::kept);
     sieve(fates);
-    // The integral, from one of the gyros' stamps to the next, behind a gap over a period; a number says the mean over the interval that it ends.
+    // Integrates from each of the gyros' stamps to the next, and behind a gap over one period. A number is the mean over the interval that it ends.
     const bool rate = map_.accel.is_rate;
     for (std::size_t k = 0; k < rows_; ++k) {
       const double t = times_[k], since = k == 0 || t - times_[k - 1] > map_.gap * period ? t - period : times_[k - 1];
@@ -493,7 +493,7 @@ class Importer {
     for (std::size_t k = 1, f = 0, m = 0; k < rows_; ++k) {
       std::int64_t steps = 1;
       if (f < read.gaps.size() && read.gaps[f].row == k) steps = read.gaps[f++].periods;
-      periods += steps;  // as the stamps say
+      periods += steps;  // by the stamps
       if (m < missing_.size() && missing_[m].row == k) steps = std::max(steps, missing_[m++].periods + 1);
       if (steps > 1) {
         gaps_.push_back({k, steps});
@@ -525,7 +525,7 @@ class Importer {
     return {};
   }
 
-  // Of a row: the sample that it becomes, or its part of those of an even clock, unless it is dropped.
+  // Turns a row into a sample, or into its part of the samples of an even clock. A row with saturated accelerometers is dropped.
   Status add_sample(const Row& row, const Eigen::Vector3d& accel, std::int64_t counter, double dt) {
     const auto saturated = [](const CsvTriad& triad, double x) {
       return x <= triad.range_low || x >= triad.range_high;
@@ -592,43 +592,42 @@ class Importer {
     TRY(hand_over());
     result_.clipped_runs = clipping_.finish();
     if (measured())
-      for (DataEvent& run : result_.clipped_runs) {  // rows, so far
+      for (DataEvent& run : result_.clipped_runs) {  // counted in rows so far
         const std::int64_t after = run.sample + run.count;
         run.sample = sample_of_[std::size_t(run.sample)];
         run.count =
             (after < std::ssize(sample_of_) ? sample_of_[std::size_t(after)] : std::int64_t(written_)) - run.sample;
       }
-    return written_ > 0
-               ? Status()
-               : input_error(source_.file_name + ": every row is saturated; look at gyro.range and accel.range");
+    if (written_ > 0) return {};
+    return input_error(source_.file_name + ": every row is saturated; look at gyro.range and accel.range");
   }
 
   CsvMap map_;
   const ColumnSource& source_;
   const ColumnSource* accel_source_;
   std::vector<WantedColumn> wanted_;
-  std::size_t time_ = 0, temperature_ = 0;  // places in it
-  std::vector<double> first_stamp_;         // of each clock
+  std::size_t time_ = 0, temperature_ = 0;  // places in wanted_
+  std::vector<double> first_stamp_;         // by clock
   RecordingSource::Sink sink_;
   std::vector<ImuSample> samples_;  // not handed over yet
   std::size_t written_ = 0;
-  std::size_t rows_ = 0;  // that are kept
+  std::size_t rows_ = 0;  // number of rows that are kept
   std::vector<double> times_;
   struct Mark {
     std::size_t numbers = 0;  // hash
     std::int64_t line = 0;
   };
-  std::vector<Mark> marks_;             // of the rows, where their times are not enough
-  std::vector<StampGap> missing_;       // samples before a row that the file has not, or not whole
-  std::vector<bool> out_;               // of each row that was read, whether it is left out
-  std::vector<Eigen::Vector3d> accel_;  // of a file of their own
+  std::vector<Mark> marks_;             // by row, if times do not tell rows apart
+  std::vector<StampGap> missing_;       // samples before a row that the file lacks or has with a defect
+  std::vector<bool> out_;               // whether a row is left out, by row read
+  std::vector<Eigen::Vector3d> accel_;  // from a file of their own
   std::optional<StampModel> stamps_;
-  bool sure_ = true;                     // of what the stamps said
-  std::vector<StampGap> gaps_;           // periods before a row, where they are more than one
-  EvenGrid grid_;                        // of measured()
-  double went_on_s_ = 0.0;               // the sampling, while the stamps did not
-  std::vector<std::int64_t> sample_of_;  // the one that a row begins in
-  ClippingFinder clipping_;  // on the numbers of the file, which repeat themselves whatever the intervals are
+  bool sure_ = true;                     // of the choice that the stamps made
+  std::vector<StampGap> gaps_;           // rows with more than one period before them
+  EvenGrid grid_;                        // used if measured()
+  double went_on_s_ = 0.0;               // time that the sampling went on while the stamps did not
+  std::vector<std::int64_t> sample_of_;  // in which a row begins, by row
+  ClippingFinder clipping_;              // sees the numbers of the file, which repeat whatever the intervals are
   CsvImport result_;
 };
 
@@ -687,7 +686,7 @@ Result<ColumnSource> open_columns(const std::string& path, const std::string& to
   if (is_bag(kind)) return columns_of_bag(path, TRY(read_bag(path, topic, skip_bad)));
   if (!topic.empty()) return input_error(path + ": topic " + quoted(topic) + ": expected a ROS bag");
   TRY(expect_file(path, FileKind::csv));
-  constexpr std::uint64_t most_head = std::uint64_t{1} << 18, least_row = 12;  // bytes; a row of six numbers
+  constexpr std::uint64_t most_head = std::uint64_t{1} << 18, least_row = 12;  // bytes; the shortest row of six numbers
   TableBytes bytes = TRY(bytes_of_file(path));
   ColumnSource source;
   source.file_name = path;

@@ -22,19 +22,17 @@ namespace {
 using Numbers = std::vector<double>;
 using Triad = std::array<std::size_t, 3>;  // columns
 
-// A column: how a map refers to it, and what the header says of it, in small letters.
+// A column: its name in a map, and its text in the header, in small letters.
 struct Candidate {
   std::string reference, label;
 };
 struct Layout {
   TableFormat format;
   std::vector<Candidate> columns;
-  std::string unnamed;  // why the columns have no names, where there is a header
+  std::string unnamed;  // why the header gives no names
 };
 
-bool is_letter(char c) { return c >= 'a' && c <= 'z'; }
-
-// A word that begins with ^ has to be the beginning, of the text or of a name in a group or struct; after one that ends with $ there is no letter.
+// Returns whether the text has one of the words. ^word begins the text, or a name in a group or struct; no letter follows word$.
 bool has_any(std::string_view text, const std::vector<std::string_view>& words) {
   const std::size_t parent = text.substr(0, std::min(text.size(), text.find_first_of(" [("))).find_last_of("/.:");
   const std::string_view name = text.substr(parent == text.npos ? 0 : parent + 1);
@@ -43,7 +41,8 @@ bool has_any(std::string_view text, const std::vector<std::string_view>& words) 
     const bool ends = word.ends_with('$');
     if (ends) word.remove_suffix(1);
     for (std::size_t at = 0; (at = text.find(word, at)) != text.npos; at += word.size())
-      if (const std::string_view rest = text.substr(at + word.size()); !ends || rest.empty() || !is_letter(rest[0]))
+      if (const std::string_view rest = text.substr(at + word.size());
+          !ends || rest.empty() || rest[0] < 'a' || rest[0] > 'z')
         return true;
     return false;
   });
@@ -60,7 +59,7 @@ std::vector<std::string_view> cells_of(std::string_view line, char delimiter) {
   return cells;
 }
 
-// Where the numbers of a text begin, what stands between them, and what stands above.
+// Finds where the numbers of a text begin, what separates them, and the names above them.
 Result<Layout> look_at_text(std::string_view text, const std::string& file_name) {
   TRY(check_text(text, file_name));
   if (text.starts_with("\xEF\xBB\xBF")) text.remove_prefix(3);
@@ -106,13 +105,13 @@ Result<Layout> look_at_text(std::string_view text, const std::string& file_name)
                        std::ranges::count(names, name) == 1;
     const std::string label =
         parse_time_stamp(row[k]) ? "time [s]" : name + (units_below ? " " + std::string(header(1)[k]) : "");
-    // What is empty in the row with the most numbers, a logger names and does not have.
+    // A column that is empty in the row with the most numbers is named only.
     layout.columns.push_back({plain ? name : std::to_string(k + 1), row[k].empty() ? "" : lower(label)});
   }
   return layout;
 }
 
-// Every three columns whose labels differ in x, y and z alone; of the others, in 1, 2 and 3, or 0, 1 and 2.
+// Returns every three columns whose labels differ only in x, y and z; of the other columns, only in 1, 2 and 3, or 0, 1 and 2.
 std::vector<Triad> triads_of(const std::vector<Candidate>& columns) {
   std::vector<Triad> triads;
   for (const std::string_view letters : {"xyz", "123", "012"})
@@ -137,7 +136,7 @@ struct Unit {
   std::string_view name;
   double si;
   bool is_rate;
-  std::vector<std::string_view> words;  // of a header
+  std::vector<std::string_view> words;  // in a header
 };
 constexpr double degph = rad_per_deg / 3600.0;
 const std::vector<Unit> gyro_units = {{"deg/h", degph, true, {"deg/h", "degph", "dph"}},
@@ -196,7 +195,7 @@ class Proposer {
       const char* const unit = name.starts_with("angular")  ? " [rad/s]"
                                : name.starts_with("linear") ? " [m/s^2]"
                                                             : " [s]";
-      layout_.columns.push_back({name, lower(name) + (source_.topic.empty() ? "" : unit)});  // sensor_msgs/Imu has them
+      layout_.columns.push_back({name, lower(name) + (source_.topic.empty() ? "" : unit)});  // of sensor_msgs/Imu
     }
     if (source_.head) layout_ = TRY(look_at_text(*source_.head, source_.file_name));
     find_columns();
@@ -257,7 +256,7 @@ class Proposer {
         time_ = k;
     }
     find_nanoseconds();
-    // A matrix of nothing else.
+    // The columns of a matrix that has no others.
     const std::string& front = layout_.columns.empty() ? std::string() : reference(0);
     const std::string matrix = front.substr(0, front.find(':') + 1);
     by_place_ =
@@ -267,7 +266,7 @@ class Proposer {
         });
   }
 
-  // As of a std_msgs/Header: seconds, and the nanoseconds in them.
+  // Finds seconds with the nanoseconds in them, as in a std_msgs/Header.
   void find_nanoseconds() {
     for (const std::string_view word : {"nanosec", "nsec"})
       for (std::size_t k = 0; k < layout_.columns.size(); ++k) {
@@ -298,7 +297,7 @@ class Proposer {
     for (std::size_t k = 0; by_place_ && k < layout_.columns.size(); ++k) columns.push_back(k);
     std::vector<WantedColumn> wanted;
     for (const std::size_t column : columns) wanted.push_back({reference(column)});
-    layout_.format.skip_bad_rows = true;  // whoever reads it in earnest says what is wrong with them
+    layout_.format.skip_bad_rows = true;  // the import reports them
     NumberTable table;
     TRY(source_.read(wanted, layout_.format, [&](const NumberTable& block) {
       append_rows(table, block);
@@ -314,7 +313,7 @@ class Proposer {
     return {};
   }
 
-  // The time is first or last; which triad has gravity is seen later.
+  // Takes the first or last column as the time. Which triad has gravity is seen later.
   void place() {
     const bool timed = values_.size() == 7;
     const bool first =
@@ -350,7 +349,7 @@ class Proposer {
     period_s_ = interval * clock.si;
   }
 
-  // The units in which the numbers are mostly gravity.
+  // Returns the units in which the norm is mostly gravity.
   std::vector<const Unit*> gravity_in(Role role, double& norm) const {
     Numbers norms = norms_of(numbers(role));
     norm = median(norms);
@@ -419,7 +418,7 @@ class Proposer {
     unit_[gyro] = said != nullptr ? said->name : seen != nullptr ? seen->name : rates ? "rad/s" : "rad";
   }
 
-  // A gyro that reads 0 throughout is not connected, where another one reads something.
+  // A gyro that reads 0 throughout is not connected if another one reads something.
   void judge_life() {
     const auto is_dead = [&](std::size_t column) {
       return std::ranges::count(values_[column], 0.0) == std::ssize(values_[column]);
@@ -429,7 +428,7 @@ class Proposer {
       if (is_dead(column)) doubt("gyro.columns: {} is 0 throughout", quoted(reference(column)));
   }
 
-  // Rows with the stamp of the row before are another unit's where they differ from it, and the next row from them, the other way round.
+  // Rows that repeat a stamp are another unit's if their numbers differ, always in the same direction, from the rows before and behind.
   void judge_doubles() {
     constexpr double chance = 8.0, fewest = 20.0;
     if (!time_) return;
@@ -493,7 +492,7 @@ class Proposer {
   const ColumnSource& source_;
   const ImportSite& site_;
   Layout layout_;
-  std::vector<Numbers> values_;  // of each column that is looked at
+  std::vector<Numbers> values_;  // by column, of those that are read
   std::array<std::vector<std::size_t>, 2> triad_;
   std::optional<std::size_t> time_, nanoseconds_, temperature_;
   bool by_place_ = false, time_guessed_ = false;

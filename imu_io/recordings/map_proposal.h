@@ -1,14 +1,14 @@
-// A map for a table that comes without one: by what its header says, and by what its numbers can only be.
+// Proposes a map for a table that comes without one, from what its header says and what its numbers can be.
 //
-//   columns     three names that differ in x, y, z (or 1, 2, 3; 0, 1, 2) alone are a triad; "gyr", "omega", "w", "dtheta" ... are gyros, "acc",
-//               "specific force", "dv" ... accelerometers. Seven columns without names: the one that only grows is the time, and of the
-//               other two triads gravity tells which is the accelerometers'.
-//   units       by the header ("[rad s^-1]", "_degps"), and by the numbers: the norm of the accelerometers is mostly gravity's; where the unit
-//               turns, du/dt = -w x u of gravity's direction u in the body frame gives the gyros' scale as a regression.
-//   time        s, ms, us or ns by the header, else the one in which the rate lies between 6 and 5000 Hz.
+//   columns     Three names that differ only in x, y, z (or 1, 2, 3; 0, 1, 2) are a triad. "gyr", "omega", "w", "dtheta" ... are gyros, "acc",
+//               "specific force", "dv" ... accelerometers. Of seven columns without names the time is the one that only grows, and the
+//               accelerometers are the triad that shows gravity.
+//   units       The header tells ("[rad s^-1]", "_degps"), and so do the numbers: the norm of the accelerometers is mostly gravity's, and where the unit
+//               turns, a regression of du/dt = -w x u, u being gravity's direction in the body frame, gives the gyros' scale.
+//   time        The header tells s, ms, us or ns; otherwise it is the unit in which the rate lies between 6 and 5000 Hz.
 //
-// What header and numbers do not agree on, or do not say, is in doubt. Not told: axes (as they are named), gravity and latitude of the
-// site, scale factors of raw counts, what a rate was filtered with.
+// A thing is in doubt if header and numbers disagree, or if neither tells it. Not told: axes (taken by their names), gravity and latitude of the
+// site, scale factors of raw counts, filters of a rate.
 #pragma once
 
 #include <string>
@@ -23,18 +23,18 @@ namespace turncal {
 struct ImportSite {
   double gravity_mps2 = 9.80665;
   double latitude_deg = 0.0;
-  double rate_hz = 0.0;  // in place of a column of times; 0: that tells it
+  double rate_hz = 0.0;  // replaces the column of times; 0: the column gives the rate
   std::string unit_serial;
 };
 
 inline constexpr std::string_view proposed_beginning = "# A map that turncal import proposed";
 
 struct MapProposal {
-  std::string text;                 // of the map, with remarks; what is in doubt stands in it as the likelier
-  std::vector<std::string> doubts;  // one clause each
+  std::string text;                 // the map with remarks; what is in doubt has its likelier value
+  std::vector<std::string> doubts;  // a clause each
 };
 
-// Errors: the file cannot be read, or holds no columns that could be an IMU's.
+// Returns an error if the file cannot be read, or has no columns that could be an IMU's.
 Result<MapProposal> propose_map(const ColumnSource& source, const ImportSite& site);
 
 }  // namespace turncal

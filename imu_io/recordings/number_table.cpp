@@ -32,7 +32,7 @@ constexpr std::string_view npy_magic = "\x93NUMPY";
 class LineReader {
  public:
   explicit LineReader(const TableBytes& bytes) : bytes_(bytes) {}
-  // Gives the next line without its end, valid until the next call; false at the end of the file, and where status() is an error.
+  // Gives the next line without its end, valid until the next call. Returns false at the end of the file, and on an error of status().
   bool next(std::string_view& line) {
     constexpr std::uint64_t usual = 1 << 12;
     std::size_t end = left_.find('\n');
@@ -52,7 +52,7 @@ class LineReader {
     return true;
   }
   const Status& status() const { return status_; }
-  bool has_end() const { return has_end_; }  // the line that came last
+  bool has_end() const { return has_end_; }  // of the last line
 
  private:
   const TableBytes& bytes_;
@@ -62,9 +62,7 @@ class LineReader {
   std::string_view left_;
 };
 
-constexpr std::size_t block_rows = std::size_t{1} << 14;
-
-// Hands blocks over, each while the next one is read into an older one.
+// Hands a block over in a thread while the next one is read.
 class BlockHandler {
  public:
   explicit BlockHandler(const TableSink& sink) : sink_(sink) {}
@@ -115,7 +113,7 @@ class CsvTable {
       if (!lines_.has_end() || !read_plain_row(row)) {
         const std::string_view text = trimmed(row);
         if (text.empty() || text.starts_with('#') || is_remark(row)) continue;
-        // Part of a number is a number, too.
+        // A number that is cut off still reads as a number.
         const Status whole = lines_.has_end() ? Status() : defect("the last line has no end: it may be cut off");
         if (Status status = !whole ? whole : read_row(row); !status) {
           if (!format_.skip_bad_rows && (whole || format_.whole_rows)) return status.error();
@@ -181,10 +179,10 @@ class CsvTable {
     return {};
   }
 
-  // Which wanted column each cell is, for rows of plain numbers.
+  // Finds which wanted column each cell is, for rows of plain numbers.
   void find_cells() {
     if (format_.delimiter == ' ' || format_.decimal_comma || format_.whole_rows) return;
-    if (!format_.only_wanted && width_ == 0) return;  // the first row says it
+    if (!format_.only_wanted && width_ == 0) return;  // the first row tells the width
     for (std::size_t k = 0; k < index_.size(); ++k) {
       if (index_[k] == missing) continue;
       cells_wanted_.resize(std::max(cells_wanted_.size(), index_[k] + 1), missing);
@@ -193,7 +191,7 @@ class CsvTable {
     if (!format_.only_wanted) cells_wanted_.resize(std::max(cells_wanted_.size(), width_), missing);
   }
 
-  // A row whose wanted cells are numbers and nothing else, as most are; false: read_row() has to look.
+  // Reads a row whose wanted cells are plain numbers, as most are. Returns false if read_row() has to look.
   bool read_plain_row(std::string_view text) {
     const char *at = text.data(), *const end = at + text.size();
     for (std::size_t cell = 0; cell < cells_wanted_.size(); ++cell) {
@@ -231,7 +229,7 @@ class CsvTable {
     if (!format_.only_wanted) {
       if (width_ == 0) width_ = cells_.size(), find_cells();
       while (!format_.whole_rows && cells_.size() > width_ && cells_.back().empty()) cells_.pop_back();
-      // A cell more or less, and the others are not what they seem.
+      // With a cell more or less, the others may be in the wrong columns.
       if (cells_.size() != width_)
         return defect(fmt::format("the row has {} columns: expected {}, as {}", cells_.size(), width_,
                                   named_ || format_.whole_rows ? "the header has names" : "the first row has"));
@@ -251,9 +249,9 @@ class CsvTable {
   BlockHandler& sink_;
   std::int64_t line_ = 0;
   std::vector<std::string_view> cells_;
-  std::size_t width_ = 0;  // cells of a row, as the header has names, or else the first row cells; 0: not known yet
-  bool named_ = false;     // a column is
-  static constexpr std::size_t missing = std::size_t(-1);
+  std::size_t width_ = 0;  // cells in a row: names of the header, or else cells of the first row; 0: unknown
+  bool named_ = false;     // a column is wanted by name
+  static constexpr std::size_t missing = std::size_t(-1), block_rows = std::size_t{1} << 14;
   std::vector<std::size_t> index_, cells_wanted_;  // the cell of each wanted column, and the reverse
   NumberTable table_;                              // `used_` rows of it
   std::size_t used_ = 0;
@@ -280,7 +278,7 @@ constexpr ItemType item_types[] = {
     item_type<std::int32_t>("i4", MAT_T_INT32), item_type<std::uint32_t>("u4", MAT_T_UINT32),
     item_type<std::int64_t>("i8", MAT_T_INT64), item_type<std::uint64_t>("u8", MAT_T_UINT64)};
 
-// A matrix of numbers that lies in memory in one of two orders.
+// A matrix of numbers in memory, in either order.
 struct MatrixView {
   std::size_t rows = 0;
   std::size_t columns = 0;
@@ -300,13 +298,13 @@ struct MatrixView {
   }
 };
 
-// "name:2" as its two parts; without a colon the second is "1".
+// Splits "name:2" into its parts; without a colon the second is "1".
 std::pair<std::string, std::string> path_and_part(const std::string& name) {
   const std::size_t colon = name.find(':');
   return {name.substr(0, colon), colon == name.npos ? "1" : name.substr(colon + 1)};
 }
 
-// A column's number, from 1, as its place; none where there are not so many.
+// Returns the place, from 0, of a column's number, from 1; nothing if there are not so many.
 std::optional<std::size_t> place_among(std::size_t columns, std::string_view number) {
   const auto index = parse_integer<std::size_t>(number);
   return index && *index >= 1 && *index <= columns ? std::optional(*index - 1) : std::nullopt;
@@ -316,7 +314,7 @@ Error column_error(const std::string& file_name, const std::string& name, const 
   return input_error(file_name + ": column " + quoted(name) + ": " + what);
 }
 
-// `read_column`: WantedColumn -> Result of numbers; none where it is missing and may be. `first`: the row with which they begin.
+// `read_column` maps a WantedColumn to a Result of numbers, none if it is missing and may be. `first` is the number of the first row.
 template <class ReadColumn>
 Result<NumberTable> read_arrays(const std::string& file_name, const std::vector<WantedColumn>& wanted,
                                 ReadColumn read_column, std::int64_t first = 0) {
@@ -336,13 +334,13 @@ Result<NumberTable> read_arrays(const std::string& file_name, const std::vector<
   return table;
 }
 
-// What stands after 'key': in the header, which is a Python dictionary in text.
+// Returns the text after 'key': in the header, which is a Python dictionary.
 std::string_view value_of(std::string_view header, const std::string& key) {
   const std::size_t at = header.find("'" + key + "':");
   return at == std::string_view::npos ? std::string_view() : trimmed(header.substr(at + key.size() + 3));
 }
 
-// Its numbers are at `begin` of the file.
+// An array whose numbers begin at byte `begin` of the file.
 struct NpyArray {
   MatrixView view;
   std::uint64_t begin = 0;
@@ -435,7 +433,7 @@ bool inflates(std::span<const std::byte> packed) {
   return code == Z_STREAM_END;
 }
 
-// libmatio makes zeros of what is missing, and looks at no checksum. Of version 5: elements of type (u32), size (u32) and content.
+// Checks that a .mat file is whole, since libmatio reads missing bytes as zeros and checks no sum. Version 5: elements of type (u32), size (u32), content.
 Status check_mat(const std::string& file_name) {
   constexpr std::uint64_t header = 128, tag = 8, version = 124;
   const PosixFile file = TRY(PosixFile::open_to_read(file_name));
@@ -471,7 +469,7 @@ Result<MatFile> open_mat(const std::string& file_name) {
   return file;
 }
 
-// Of a matrix of real numbers; no rows of anything else. Samples lie along the longer side.
+// Views a matrix of real numbers, with samples along the longer side. Anything else has no rows.
 MatrixView view_mat(const matvar_t& variable) {
   MatrixView view;
   if (!view.set_type([&](const ItemType& t) { return t.mat == variable.data_type; }) || variable.rank != 2 ||
@@ -487,7 +485,7 @@ MatrixView view_mat(const matvar_t& variable) {
 
 Result<NumberTable> read_mat(const std::string& file_name, const std::vector<WantedColumn>& wanted) {
   const MatFile file = TRY(open_mat(file_name));
-  MatVariable variable(nullptr, Mat_VarFree);  // the last one: a matrix may have all the columns
+  MatVariable variable(nullptr, Mat_VarFree);  // kept, because one matrix may have all columns
   return read_arrays(file_name, wanted, [&](const WantedColumn& column) -> Result<std::vector<double>> {
     const auto [path, number] = path_and_part(column.name);
     const std::vector<std::string_view> names = split(path, '.');
@@ -510,7 +508,7 @@ Result<NumberTable> read_mat(const std::string& file_name, const std::vector<Wan
 
 constexpr std::size_t widest = 32;
 
-// "name", or "name:1" and so on of a matrix.
+// Lists a vector as "name", a matrix as "name:1" and so on.
 void list_columns(const std::string& name, std::size_t rows, std::size_t columns, std::vector<std::string>& names) {
   if (rows < 2 || columns > widest) return;
   for (std::size_t k = 1; k <= columns; ++k) names.push_back(columns == 1 ? name : fmt::format("{}:{}", name, k));
@@ -560,10 +558,10 @@ hid_t open_hdf5(const std::string& file_name) {
   return H5Fopen(file_name.c_str(), H5F_ACC_RDONLY, H5P_DEFAULT);
 }
 
-// Of a dataset of one or two dimensions; no rows of any other.
+// The shape of a dataset of one or two dimensions; any other has no rows.
 struct Hdf5Shape {
   std::size_t rows = 0, columns = 0;
-  bool along_rows = false;  // as of a .mat file
+  bool along_rows = false;  // samples are columns, as in a .mat file
   explicit Hdf5Shape(hid_t space) {
     hsize_t sizes[2] = {0, 1};
     if (const int rank = H5Sget_simple_extent_ndims(space); rank != 1 && rank != 2) return;
@@ -591,7 +589,7 @@ Result<std::vector<double>> read_hdf5_column(hid_t file, const std::string& file
       !is_number(compound ? H5Tget_member_class(type, unsigned(member)) : H5Tget_class(type)))
     return refuse("expected numbers in one or two dimensions");
   if (!compound && !column) return refuse("expected a column from 1 to " + std::to_string(shape.columns));
-  // What a file of this size can hold: deflate makes at most a thousandth.
+  // Deflate packs at most a thousand to one, which bounds what a file can hold.
   hsize_t bytes = 0;
   H5Fget_filesize(file, &bytes);
   if (shape.rows > 1000 * bytes)
@@ -644,7 +642,7 @@ Result<std::vector<std::string>> hdf5_columns(const std::string& file_name) {
 
 FileKind form_of(std::string_view content) { return recognise_content(content.substr(0, 16)); }
 
-// Numbers that are not finite are a defect of their row.
+// Leaves out rows with numbers that are not finite, or returns the first as an error.
 Result<NumberTable> checked(NumberTable table, const std::string& file_name, const std::vector<WantedColumn>& wanted,
                             bool skip_bad) {
   std::size_t kept = 0;
@@ -677,14 +675,14 @@ constexpr const char* mat_header = "MATLAB 5.0 MAT-file, written by turncal";
 
 std::string npy_header(std::size_t rows, std::size_t fields) {
   std::string text = fmt::format("{{'descr': '<f8', 'fortran_order': False, 'shape': ({}, {}), }}", rows, fields);
-  constexpr std::size_t prefix = 10, block = 64;  // the data begin on a multiple of it
+  constexpr std::size_t prefix = 10, block = 64;  // the data begin at a multiple of a block
   text.resize((prefix + text.size() + 1 + block - 1) / block * block - prefix - 1, ' ');
   text += '\n';
   const char version_and_size[] = {1, 0, char(text.size() & 0xff), char(text.size() >> 8)};
   return std::string(npy_magic).append(version_and_size, sizeof version_and_size) + text;
 }
 
-// A table that is gone through row by row, as often as is wanted.
+// A table that can be read row by row, any number of times.
 using RowSink = std::function<Status(std::span<const double> row)>;
 struct RowTable {
   std::vector<std::string> names;  // of the columns
@@ -692,7 +690,7 @@ struct RowTable {
   std::function<Status(const RowSink&)> each_row;
 };
 
-// `append_row`: appends a row to a text.
+// `append_row` appends a row to a text.
 template <class AppendRow>
 Status write_rows(const std::string& path, std::string head, const RowTable& table, AppendRow append_row) {
   AtomicFile file = TRY(AtomicFile::create(path));
@@ -729,7 +727,7 @@ Status write_csv(const std::string& path, const RowTable& table) {
   });
 }
 
-// A pass for each column.
+// Takes a pass for each column.
 Status write_mat_variables(const std::string& path, const std::string& temporary, const RowTable& table) {
   const Error cannot_write = device_error(path + ": cannot write");
   std::unique_ptr<mat_t, int (*)(mat_t*)> file(Mat_CreateVer(temporary.c_str(), mat_header, MAT_FT_MAT5), Mat_Close);
@@ -750,7 +748,7 @@ Status write_mat_variables(const std::string& path, const std::string& temporary
         Mat_VarFree);
     if (!variable || Mat_VarWrite(file.get(), variable.get(), MAT_COMPRESSION_NONE) != 0) return cannot_write;
   }
-  // libmatio does not say whether all of it went to the disk.
+  // libmatio does not report a full disk.
   file.reset();
   const Result<PosixFile> written = PosixFile::open_to_read(temporary);
   const Result<std::uint64_t> size = written ? written->size() : Result<std::uint64_t>(written.error());
@@ -758,7 +756,7 @@ Status write_mat_variables(const std::string& path, const std::string& temporary
   return rename_durably(temporary, path);
 }
 
-// By the ending of the name.
+// Chooses the form by the ending of the name.
 Status write_table(const std::string& path, const RowTable& table) {
   if (!path.ends_with(".mat")) return path.ends_with(".npy") ? write_npy(path, table) : write_csv(path, table);
   TRY(check_replaceable(path, mat_header));
@@ -824,7 +822,7 @@ Status read_number_table(const TableBytes& bytes, const std::string& file_name, 
                 : form == FileKind::mat  ? check(TRY(read_mat(file_name, wanted)))
                 : form == FileKind::hdf5 ? check(TRY(read_hdf5(file_name, wanted)))
                                          : CsvTable(bytes, file_name, wanted, format, handler).read();
-  Status taken = handler.finish();  // of rows before
+  Status taken = handler.finish();  // an error of the sink came first
   return taken ? read : taken;
 }
 
@@ -904,7 +902,7 @@ Status write_recording_columns(RecordingSource& source, const std::string& path)
   const Segments& segments = source.segments();
   std::size_t segment = 0;
   columns.fill = [&](const ImuSample& sample, std::span<double> row) {
-    if (segment > 0 && sample.counter < segments[segment - 1].end_sample) segment = 0;  // another pass
+    if (segment > 0 && sample.counter < segments[segment - 1].end_sample) segment = 0;  // a new pass begins
     while (segment < segments.size() && sample.counter >= segments[segment].end_sample) ++segment;
     const bool inside = segment < segments.size() && sample.counter >= segments[segment].start_sample;
     row[0] = double(sample.counter);

@@ -18,22 +18,23 @@
 namespace turncal {
 namespace {
 
-constexpr std::size_t enough = std::size_t{1} << 12;  // rows that tell one reading from another
-constexpr std::size_t fewest = 40;                    // that tell anything
+constexpr std::size_t enough = std::size_t{1} << 12;  // rows that tell readings apart
+constexpr std::size_t fewest = 40;                    // rows that tell anything
+constexpr std::size_t longest_span = 32;              // rows
 constexpr double any = std::numeric_limits<double>::infinity();
 constexpr double sure_by = 4.6;        // nats: 100 to 1
-constexpr double longest_round = 8.0;  // of a loop, in usual ones
+constexpr double longest_round = 8.0;  // of a loop, in usual rounds
 
-// From one row to the next that is looked at, where `most` tell enough.
+// Returns the step through a long record of which about `most` rows tell enough.
 std::size_t stride_of(std::size_t rows, std::size_t most = std::size_t{1} << 17) {
   return std::max<std::size_t>(1, rows / most);
 }
 
-// The steps in which stamps are written, where they are coarse: the longest of which all intervals are multiples. 0: not seen.
+// Returns the step in which coarse stamps are written: the longest one of which all intervals are multiples. 0: none is seen.
 double resolution_of(std::span<const double> times, double period) {
   constexpr std::size_t most = 4096, tries = 32;
   constexpr double longest = 16.0, least = 1e-6;  // in periods
-  std::vector<double> intervals;                  // that are not those before
+  std::vector<double> intervals;                  // each unlike the one before
   for (std::size_t k = 1; k < times.size() && intervals.size() < most; ++k) {
     const double interval = times[k] - times[k - 1];
     const bool again = !intervals.empty() && std::abs(interval - intervals.back()) < least * period;
@@ -54,26 +55,26 @@ double resolution_of(std::span<const double> times, double period) {
   return step == jumps.end() ? 0.0 : *step;
 }
 
-// How stamps follow their clock. In periods.
+// How stamps follow their clock, in periods.
 struct Noise {
   Noise(double s, double cell) : scatter(s), half(0.5 * cell) {}
-  double scatter, half;  // normal; half of the cell that a stamp tells
-  double walk = std::pow(scatter / std::max(32.0, 64.0 * scatter * scatter), 2);  // of the phase, a row
-  double wander = 1e-6;                                                           // of the rate, a row
+  double scatter, half;  // standard deviation; half of a stamp's cell
+  double walk = std::pow(scatter / std::max(32.0, 64.0 * scatter * scatter), 2);  // of the phase in a row
+  double wander = 1e-6;                                                           // of the rate in a row
   double start = scatter * scatter + half * half / 3.0;                           // variance of a stamp
   double normal = std::log(std::sqrt(start) * std::sqrt(2.0 * std::numbers::pi) / (2.0 * half));
-  double anywhere = -std::log(std::min(1.0, 2.0 * half));  // -log of a stamp that may be anywhere within some periods
+  double anywhere = -std::log(std::min(1.0, 2.0 * half));  // -log of a stamp that may be in any cell of a period
   double most = 16.0 + anywhere;
 };
 
-// One reading of the stamps up to a row, in periods: what was missing, and phase and rate of the clock (a Kalman filter told of the stamp's cell).
+// One reading of the stamps up to a row, in periods: the rows that are missing, and a Kalman filter of the clock's phase and rate.
 class Track {
  public:
   double cost = 0.0;
   std::int64_t missing = 0;
-  double carried = 0.0;       // what pauses had less or more than a whole number of periods
-  std::size_t last_fork = 0;  // its place in the list of forks, from 1
-  bool held = false;          // the row came late, and those behind it wait
+  double carried = 0.0;       // sum of what pauses lasted beyond whole periods
+  std::size_t last_fork = 0;  // place in the list of forks, from 1
+  bool held = false;          // the row came late, or waited behind one that did
 
   void begin_at(double ahead, const Noise& noise) {
     level_ = ahead - double(missing);
@@ -88,17 +89,17 @@ class Track {
     w_ += noise.wander * noise.wander;
   }
   double off(double ahead) const { return ahead - double(missing) - level_; }
-  // -log of how likely the stamp is, and what it says of the clock.
+  // Returns -log of the stamp's likelihood, and updates the clock by it.
   double follow(double off, const Noise& noise) {
     const double variance = v_ + noise.scatter * noise.scatter, sigma = std::sqrt(variance);
-    double mean = 0.0, less = 0.0, price = 0.0;  // of the standard normal within the cell: its mean, 1 - its variance
+    double mean = 0.0, less = 0.0, price = 0.0;  // of a standard normal cut to the cell: mean, 1 - variance
     if (noise.half < 0.5 * sigma) {
       const double all = variance + noise.half * noise.half / 3.0;
       price = 0.5 * off * off / all + noise.normal;
       mean = off * sigma / all, less = variance / all;
     } else {
       const double z = std::abs(off), low = (z - noise.half) / sigma, high = (z + noise.half) / sigma;
-      if (low < -3.0) return 0.0;  // as good as sure
+      if (low < -3.0) return 0.0;  // the stamp says nothing
       if (low > 8.0) return noise.most;
       const double share = 0.5 * (std::erfc(low * std::numbers::sqrt2 / 2) - std::erfc(high * std::numbers::sqrt2 / 2));
       const double at_low = std::exp(-0.5 * low * low) / 2.5066 / share,
@@ -118,11 +119,11 @@ class Track {
   double level_ = 0.0, rate_ = 0.0, v_ = 0.0, cross_ = 0.0, w_ = 1e-6;  // their covariance: the rate is known to 0.1 %
 };
 
-// The period along the gaps: least squares, with a beginning of its own behind a pause of no whole number of periods.
+// Fits the period along the gaps by least squares. Behind a pause of no whole number of periods the line begins anew.
 double slope_along(std::span<const double> times, const StampModel& model) {
   double both = 0.0, squares = 0.0, first = times[0];
   std::int64_t origin = 0, counter = 0;
-  std::array<double, 5> s{};  // 1, m, m^2, y, m y of a piece
+  std::array<double, 5> s{};  // sums of 1, m, m^2, y and m y over a piece
   const auto close = [&] {
     both += s[4] - s[1] * s[3] / std::max(1.0, s[0]);
     squares += s[2] - s[1] * s[1] / std::max(1.0, s[0]);
@@ -152,7 +153,7 @@ double share_of(const StampModel& model, std::span<const double> times) {
 
 double whole(std::int64_t n) { return std::log(double(n)) + std::log(double(n) + 1.0); }  // -log of 1 / n(n + 1)
 
-// What it takes to tell numbers one after the other: each kind is named once, and then as likely as it is frequent.
+// Returns the cost of telling numbers one by one. Each kind is named once, and then is as likely as it is frequent.
 double told_by_kinds(const std::map<std::int64_t, double>& kinds) {
   double count = 0.0, cost = 0.0;
   for (const auto& [kind, often] : kinds) count += often;
@@ -164,7 +165,7 @@ double told_by_kinds(const std::map<std::int64_t, double>& kinds) {
   return cost;
 }
 
-// Or by turns: each is the one `turn` rows before, but for those that are told.
+// The same, or by turns if that costs less: a number repeats the one `turn` places before, and the exceptions are told.
 double told(std::span<const std::int64_t> numbers) {
   constexpr std::size_t longest = 64;
   std::size_t turn = 0;
@@ -184,7 +185,7 @@ double told(std::span<const std::int64_t> numbers) {
   return std::min(told_by_kinds(all), turn > 0 ? told_by_kinds(others) + by_turns + whole(std::int64_t(turn)) : any);
 }
 
-// Intervals that no clock makes: in the best of some widths, and where in one, in cells.
+// Returns the cost of intervals that no clock makes: each by the bin it is in, of the best width, and by its cell in the bin.
 double told_by_intervals(std::span<const double> times, double cell) {
   constexpr int widths = 8;
   double least = any;
@@ -197,8 +198,8 @@ double told_by_intervals(std::span<const double> times, double cell) {
   return least;
 }
 
-// Returns the likeliest reading with this scatter and share of gaps. Its gaps follow from the period that is given, and its own period from them.
-// One that costs more than `limit` is given up; a smaller scatter may gain each row the logarithm of it, so this much more is allowed.
+// Returns the likeliest reading with this scatter and share of gaps. The gaps follow from the given period, and the returned period from the gaps. A
+// reading is given up when no smaller scatter can bring it below `limit`: it gains at most its logarithm in each row.
 StampModel reading(std::span<const double> times, StampModel model, double gap, double share, double limit) {
   constexpr std::size_t most_tracks = 8;
   constexpr double rarer = 5.0, rarest = 40.0, hopeless = 60.0, far = 32.0, longest = 1e15, service = 0.1,
@@ -211,8 +212,8 @@ StampModel reading(std::span<const double> times, StampModel model, double gap, 
                served = std::max(0.0, noise.anywhere + std::log(service));
   const double late_from = gap - 3.0 * noise.scatter - 2.0 * noise.half;
   model.gaps.clear(), model.held.clear(), model.cost = any;
-  std::vector<std::pair<StampGap, std::size_t>> forks;  // and the place of the one before it, from 1
-  std::vector<Track> tracks(2), next;                   // the first stamp may be a bad one
+  std::vector<std::pair<StampGap, std::size_t>> forks;  // with the place of the fork before, from 1
+  std::vector<Track> tracks(2), next;                   // in the second one the first stamp is bad
   tracks[0].begin_at(0.0, noise);
   tracks[1].begin_at((times[1] - times[0]) * rate - 1.0, noise);
   const auto join = [&](const Track& track) {
@@ -234,7 +235,7 @@ StampModel reading(std::span<const double> times, StampModel model, double gap, 
       for (Track& track : tracks) track.predict(noise);
     if (const double off = tracks[0].off(ahead); tracks.size() == 1 && (!late || off < 0.5)) {
       Track stays = tracks[0];
-      if (const double cost = stays.follow(off, noise); cost < noise.most) {  // as ever
+      if (const double cost = stays.follow(off, noise); cost < noise.most) {  // the usual case
         stays.cost += stay + cost, stays.held = false;
         tracks[0] = stays;
         continue;
@@ -273,7 +274,7 @@ StampModel reading(std::span<const double> times, StampModel model, double gap, 
       if (k > 0 && cost >= noise.most)
         leap(off < 0.5 + noise.half ? 0.0 : std::max(0.0, std::round(off + track.carried)), true);
       if (!(late || track.held) || off < 0.5) continue;
-      // Where stamps scatter by many periods it may be any of as many.
+      // Stamps that scatter by many periods leave as many numbers possible.
       const double around = std::min(noise.half + 3.0 * std::hypot(noise.scatter, track.spread()), far);
       for (double periods = std::max(1.0, std::floor(off - around)); periods < off + std::min(1.0, around) + 0.5;
            periods += 1.0)
@@ -293,12 +294,12 @@ StampModel reading(std::span<const double> times, StampModel model, double gap, 
   std::ranges::reverse(model.gaps);
   std::ranges::reverse(model.held);
   model.cost = tracks.front().cost;
-  if (times.size() <= enough) {  // gaps may come by turns, too
+  if (times.size() <= enough) {  // gaps may come by turns
     std::vector<std::int64_t> missing(times.size());
     double gain = 0.0;
     for (std::size_t at = 0; at < model.gaps.size(); ++at) {
       const StampGap& fork = model.gaps[at];
-      const bool on_end = at > 0 && model.gaps[at - 1].row + 1 == fork.row;  // of every row it is a longer period
+      const bool on_end = at > 0 && model.gaps[at - 1].row + 1 == fork.row;  // gaps at every row mean a longer period
       if (!fork.anew && !on_end) missing[fork.row] = fork.periods - 1, gain += rare - stay + whole(fork.periods - 1);
     }
     if (gain > 0.0)
@@ -308,7 +309,7 @@ StampModel reading(std::span<const double> times, StampModel model, double gap, 
   return model;
 }
 
-// Follows a first reading to the likeliest scatter, by halves.
+// Follows a first reading to its likeliest scatter.
 StampModel fit(std::span<const double> times, const StampModel& first, double gap, double limit) {
   StampModel best = reading(times, first, gap, share_of(first, times), limit);
   for (const double factor : {0.25, 0.5, 2.0, 0.7, 1.4})
@@ -323,7 +324,7 @@ StampModel fit(std::span<const double> times, const StampModel& first, double ga
   return best;
 }
 
-// Slopes over parts of the record, where rows come in bursts: the lower ones have no gaps in them.
+// Returns a low quartile of the slopes over parts of the record: between bursts these parts have no gaps.
 double low_slope(std::span<const double> times) {
   const std::size_t width = std::clamp<std::size_t>(times.size() / 8, std::min<std::size_t>(64, times.size()), 512);
   std::vector<double> slopes;
@@ -332,10 +333,10 @@ double low_slope(std::span<const double> times) {
   return value_at_rank(slopes, slopes.size() / 4);
 }
 
-// Periods by the phases of the stamps, which agree in the true one whatever rows are missing: the mean over windows of |sum exp(2 pi i f t)|^2
-// is n + n (n - 1) exp(-4 pi^2 scatter^2) there, and n elsewhere (Rayleigh's test); its multiples, and those of coarse steps, agree too.
+// Returns periods in which the phases of the stamps agree, whatever rows are missing (Rayleigh's test). In the true one the mean over windows of
+// |sum exp(2 pi i f t)|^2 is n + n (n - 1) exp(-4 pi^2 scatter^2), elsewhere n. Multiples of the frequency, and coarse steps, agree too.
 std::vector<std::pair<double, double>> common_phases(std::span<const double> times, double slope) {
-  constexpr double least = 0.95, most = 4.5, steps = 4.0;  // frequencies: of 1 / slope
+  constexpr double least = 0.95, most = 4.5, steps = 4.0;  // of the frequencies, in 1 / slope
   const std::size_t width = std::min<std::size_t>(256, times.size());
   const double step = 1.0 / (steps * double(width));
   std::vector<double> power(std::size_t((most - least) / step));
@@ -362,7 +363,7 @@ std::vector<std::pair<double, double>> common_phases(std::span<const double> tim
   return peaks;
 }
 
-// What it takes more to tell long intervals as lost rows, which are whole and scatter as all do, than as a loop's slow rounds, long ones rarely.
+// Returns how much more long intervals cost as lost rows (whole periods, usual scatter) than as slow rounds (exponential in length).
 double more_as_losses(const std::vector<std::pair<std::size_t, double>>& found, double scatter) {
   constexpr double decay = 2.0, most = 100.0;
   double more = 0.0;
@@ -387,7 +388,7 @@ std::vector<double> intervals_of(std::span<const double> times, std::size_t most
 }
 
 StampModel real_intervals(std::span<const double> times, double gap) {
-  constexpr std::size_t around = 32;  // rows, either way
+  constexpr std::size_t around = 32;  // rows on either side
   std::vector<double> some = intervals_of(times);
   const double usual = median(some);
   for (double& interval : some) interval = std::abs(interval - usual) / usual;
@@ -418,13 +419,13 @@ StampModel real_intervals(std::span<const double> times, double gap) {
 
 namespace {
 
-// How far each stamp is ahead of an even clock; one that is held as far as the one before it.
+// How far each stamp is ahead of an even clock. A held stamp counts as far as the one before it.
 class Ahead {
  public:
   Ahead(std::span<const double> times, const StampModel& model) : times_(times), model_(model) {
     begins_.emplace_back(0, times[0]);
     for (const StampGap& gap : model.gaps) {
-      const bool unknown = gap.anew && gap.periods > 1;  // how long the pause was
+      const bool unknown = gap.anew && gap.periods > 1;  // the pause may have had any length
       const double passed = unknown ? times[gap.row] - times[gap.row - 1] : double(gap.periods) * model.period;
       begins_.emplace_back(gap.row, begins_.back().second + passed - model.period);
     }
@@ -439,12 +440,10 @@ class Ahead {
  private:
   const std::span<const double> times_;
   const StampModel& model_;
-  std::vector<std::pair<std::size_t, double>> begins_;  // rows behind gaps, and what row 0 of their clock would say
+  std::vector<std::pair<std::size_t, double>> begins_;  // rows behind gaps, and the stamp that row 0 would have
 };
 
-constexpr std::size_t longest_span = 32;  // rows
-
-// Rms of p[k + 2m] - 2 p[k + m] + p[k] without the largest hundredth: knocks of the host, gaps that were not whole periods.
+// Returns the rms of p[k + 2m] - 2 p[k + m] + p[k] without the largest hundredth, which are delays of the host and pauses.
 double bend_over(const Ahead& ahead, std::size_t m) {
   std::vector<double> squares;
   if (ahead.size() <= 2 * m) return 0.0;
@@ -457,14 +456,14 @@ double bend_over(const Ahead& ahead, std::size_t m) {
   return std::sqrt(std::accumulate(squares.begin(), largest, 0.0) / double(largest - squares.begin()));
 }
 
-// Whether errors add up, by more than the geometric mean of what they do if each stamp, and if each interval, is off by itself.
+// Returns whether errors add up. The bound is the geometric mean of their growth when stamps are off independently and when intervals are.
 bool adds_up(const Ahead& ahead, std::size_t near, double resolution) {
   const std::size_t far = std::min(ahead.size() / 8, near * longest_span);
   const double before = std::max({bend_over(ahead, near), bend_over(ahead, near * 2 / 3), bend_over(ahead, near / 2)});
   return bend_over(ahead, far) > std::max(before, resolution) * std::pow(double(far) / double(near), 0.25);
 }
 
-// Of the rate from a sixteenth of the record to the next, by the middle ones of both; 0: scatter explains it, or a clock that drifts.
+// Returns the change of the rate over sixteenths of the record, by their medians; 0: scatter or a drifting clock explains it.
 double rate_change(std::span<const double> times, const StampModel& model) {
   constexpr std::size_t parts = 16;
   const Ahead ahead(times, model);
@@ -473,7 +472,8 @@ double rate_change(std::span<const double> times, const StampModel& model) {
   if (each < 2) return 0.0;
   const double rows = double(each),
                scatter = std::max(bend_over(ahead, 1), bend_over(ahead, longest_span)) / std::sqrt(6.0);
-  const bool paused = model.adds_up || std::ranges::any_of(model.gaps, &StampGap::anew);  // the stamps around are off
+  const bool paused =
+      model.adds_up || std::ranges::any_of(model.gaps, &StampGap::anew);  // stamps beside a pause are off
   for (std::size_t part = 0; part < parts; ++part) {
     std::vector<double> some;
     for (std::size_t row = part * each; row < (part + 1) * each; row += stride_of(times.size()))
@@ -500,7 +500,7 @@ StampModel fit_stamps(std::span<const double> times, double gap) {
   std::span<const double> some = times.first(std::min(times.size(), enough));
   const double rows = double(some.size()), fine = 10.0 * even_scatter * slope, step = resolution_of(times, slope);
   std::vector<StampModel> readings;
-  // A period is told to a cell, and to what is known of it in the end; the filter learns that of the step, too.
+  // A period is told to a fine cell, and then to what the record tells; the filter learns the step, too.
   const auto name_of = [&](const StampModel& model) {
     return whole(std::llround(slope / fine)) + std::log(rows) * (step > fine && model.cell == fine ? -1.0 : 1.0);
   };
@@ -519,9 +519,9 @@ StampModel fit_stamps(std::span<const double> times, double gap) {
     consider(slope_of(some), usual_scatter, cell);
     for (const auto& [power, period] : common_phases(some, slope)) consider(period, usual_scatter, cell);
   }
-  // One that keeps to coarse steps needs none.
+  // A period that keeps to coarse steps needs no cell.
   if (cell > fine) consider(step * std::max(1.0, std::floor(best.period / step + 0.1)), near_scatter, fine);
-  // Where steps without a row come back, the period may be longer than a step by so much.
+  // Steps without a row that come back regularly may mean a period slightly longer than a step.
   std::vector<double> empty;
   for (const StampGap& found : best.cell < step && best.period < 1.5 * step ? best.gaps : std::vector<StampGap>())
     for (std::int64_t back = 1; back < found.periods && !found.anew; ++back)
@@ -533,7 +533,7 @@ StampModel fit_stamps(std::span<const double> times, double gap) {
     return std::abs(other.period / best.period - 1.0) > std::max(3.0 / rows, is_known) &&
            other.cost < best.cost + sure_by;
   });
-  // Where all rows keep within half a period along one straight line none is missing.
+  // No row is missing if all keep within half a period of one straight line.
   const StampModel even{.period = slope_of(times), .gaps = {}};
   double early = 0.0, late = 0.0;
   for (std::size_t row = 0; row < times.size(); ++row) {
@@ -543,7 +543,7 @@ StampModel fit_stamps(std::span<const double> times, double gap) {
   if (best.gaps.empty() && best.held.empty() && gap >= 1.5 && late - early < 0.5 * even.period)
     best.period = even.period;
   else
-    // What is missing is counted with the period that is given: the record lasts as long as its stamps say.
+    // Missing rows are counted with the given period, so that the record lasts as long as its stamps say.
     for (int round = 0; round < 6; ++round) {
       const double period = best.period;
       best = reading(times, best, gap, share_of(best, round > 0 ? times : some), any);
@@ -551,7 +551,7 @@ StampModel fit_stamps(std::span<const double> times, double gap) {
       if (std::abs(found - period) * double(times.size()) < 0.005 * period) break;
       best.period = found;
     }
-  // Around the middle gap, is it the intervals that scatter?
+  // Real intervals may explain the rows around the middle gap better.
   const std::size_t middle = best.gaps.empty() ? times.size() / 2 : best.gaps[best.gaps.size() / 2].row;
   some = times.subspan(std::min(middle, times.size() - some.size()), some.size());
   const double clock = reading(some, best, gap, share_of(best, times), any).cost + name_of(best);
@@ -562,7 +562,7 @@ StampModel fit_stamps(std::span<const double> times, double gap) {
     const std::size_t longer_than_bursts = std::clamp<std::size_t>(times.size() / 64, 1, 64);
     const bool same = std::abs(real.period / best.period - 1.0) < is_known &&
                       std::ranges::equal(real.gaps, best.gaps, {}, &StampGap::row, &StampGap::row);
-    if (same && best.scatter < 2.0 * even_scatter) return best;  // both say the same
+    if (same && best.scatter < 2.0 * even_scatter) return best;  // both readings are the same
     const bool walk = rate_change(times, real) > 0.0 ||
                       adds_up({times, real}, longer_than_bursts, std::max(step, even_scatter * slope));
     if (same && best.scatter < near_scatter && !walk) return best;
@@ -583,7 +583,7 @@ IncrementsChoice choose_increments(std::span<const double> times_s, const StampM
   if (model.adds_up)
     return {false, "intervals that vary each by itself explain the stamps better than an even clock", model.sure};
   if (!model.sure) return {true, "the period is in doubt", false};
-  if (model.scatter < 2.0 * even_scatter && model.held.empty() &&  // too little for the clock to tell
+  if (model.scatter < 2.0 * even_scatter && model.held.empty() &&  // too little scatter for the reading to tell
       adds_up({times_s, model}, 1, std::max(1e-9 * model.period, resolution_of(times_s, model.period))))
     return {false, "the scatter of the stamps adds up, the intervals are real", true};
   if (const double change = rate_change(times_s, model); change > 0.0)
