@@ -472,8 +472,7 @@ double rate_change(std::span<const double> times, const StampModel& model) {
   if (each < 2) return 0.0;
   const double rows = double(each),
                scatter = std::max(bend_over(ahead, 1), bend_over(ahead, longest_span)) / std::sqrt(6.0);
-  const bool paused =
-      model.adds_up || std::ranges::any_of(model.gaps, &StampGap::anew);  // stamps beside a pause are off
+  const bool paused = model.adds_up || std::ranges::any_of(model.gaps, &StampGap::anew);  // stamps beside it are off
   for (std::size_t part = 0; part < parts; ++part) {
     std::vector<double> some;
     for (std::size_t row = part * each; row < (part + 1) * each; row += stride_of(times.size()))
