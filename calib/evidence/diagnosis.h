@@ -34,8 +34,8 @@ struct DiagnosisOptions {
   // The fit of the base model, if this single recording was already fitted with the same `estimate`; it is not repeated.
   const JointResult* base = nullptr;
   std::vector<const CompressedRecording*> holdouts = {};
-  double false_alarm = 0.005;  // family-wise, of the scores as they are shown
 };
+inline constexpr double score_false_alarm = 0.005;  // family-wise, of the scores as they are shown
 
 struct CandidateScore {  // score of one component beside the base model
   EffectColumn column;

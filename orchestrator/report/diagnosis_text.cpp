@@ -227,10 +227,10 @@ std::string noise_line(const JointResult& r, bool given) {
                      r.whiteness.white ? "white" : "not white");
 }
 
-Facts diagnosis_facts(const Diagnosis& d, const DiagnosisContext& context, const std::string& noise) {
+Facts diagnosis_facts(const Diagnosis& d, const std::string& noise) {
   Facts facts;
   if (!strongest_candidates(d).empty())
-    facts.rows.emplace_back("scores", strongest_scores(d, family_threshold_z(d, context.false_alarm)));
+    facts.rows.emplace_back("scores", strongest_scores(d, family_threshold_z(d, score_false_alarm)));
   if (has_after(d)) facts.rows.emplace_back("moved most", largest_changes(d));
   facts.rows.emplace_back("noise", noise);
   if (!d.undetectable.empty()) facts.rows.emplace_back("not visible", join(d.undetectable));

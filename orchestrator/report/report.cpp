@@ -378,7 +378,7 @@ Document begin_document(const Diagnosis& diagnosis, const DiagnosisContext& cont
 }
 
 Document diagnosis_document(const Diagnosis& diagnosis, const DiagnosisContext& context, DiagnosisParts parts) {
-  const double threshold_z = family_threshold_z(diagnosis, context.false_alarm);
+  const double threshold_z = family_threshold_z(diagnosis, score_false_alarm);
   Document document = begin_document(diagnosis, context, parts.sentence);
   if (!parts.statement.empty()) document.soft("Statement: " + parts.statement + ".");
   const bool both = has_after(diagnosis);
@@ -388,7 +388,7 @@ Document diagnosis_document(const Diagnosis& diagnosis, const DiagnosisContext& 
     document.add(Heading{3, "", "What was added"}, Scope::page);
     add_effects(diagnosis, context, document);
   }
-  document.add(diagnosis_facts(diagnosis, context, parts.noise_line), Scope::terminal);
+  document.add(diagnosis_facts(diagnosis, parts.noise_line), Scope::terminal);
 
   document.scope = Scope::page;
   const auto show = [&](Figure figure, const std::string& without) {

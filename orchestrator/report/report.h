@@ -40,8 +40,7 @@ struct DiagnosisContext {
   std::vector<SwitchOn> switched_on;  // all
   std::string holdout_path;           // empty: none
   std::string time_utc;
-  double false_alarm = 0.005;  // family-wise, as given to diagnose()
-  bool noise_given = false;    // configured, not fitted
+  bool noise_given = false;  // configured, not fitted
   std::string method = "joint";
   bool of_run = false;       // made at the end of a run, which gives the unit's verdict itself
   bool hand_turned = false;  // no table angles: rests and rotations by hand
@@ -72,7 +71,7 @@ std::string error_text(const ErrorRow& row, double value);
 ParameterVector changes_in_sigma(const Diagnosis& diagnosis);
 
 // Returns what the terminal shows in place of the page's tables.
-Facts diagnosis_facts(const Diagnosis& diagnosis, const DiagnosisContext& context, const std::string& noise);
+Facts diagnosis_facts(const Diagnosis& diagnosis, const std::string& noise);
 std::string noise_line(const JointResult& estimate, bool given);
 
 // Return "one effect beyond the 24 parameters was found and added: ..." and "; this recording cannot tell ... from ...".

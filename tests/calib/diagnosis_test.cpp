@@ -144,7 +144,7 @@ TEST(LimitsOfTheDocument, AreThoseOfTheProgram) {
   constexpr GateLimits gate;
   const NoiseLimits& noise = noise_limits;
   const std::map<std::string, double> in_force = {
-      {"options.false_alarm", options.false_alarm},   {"fit.family_wise", fit.family_wise},
+      {"score_false_alarm", score_false_alarm},       {"fit.family_wise", fit.family_wise},
       {"fit.near_lags_s", fit.near_lags_s},           {"fit.lags_s", fit.lags_s},
       {"selection.bic_margin", selection.bic_margin}, {"selection.alias_correlation", selection.alias_correlation},
       {"gate.contradiction", gate.contradiction},     {"gate.highest_error", gate.highest_error},
