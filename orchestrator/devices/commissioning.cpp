@@ -156,6 +156,9 @@ class Trial {
     sent_ = sent;
   }
   Status wait_until(double seconds, const std::string& late, const std::function<bool(const TableStatus&)>& over) {
+    return TRY(is_over_within(seconds, over)) ? Status() : Status(device_error(late));
+  }
+  Result<bool> is_over_within(double seconds, const std::function<bool(const TableStatus&)>& over) {
     const double deadline_s = devices_.clock.now_s() + seconds;
     for (;;) {
       const double asked_s = devices_.clock.now_s();
@@ -172,8 +175,8 @@ class Trial {
           held_deg_ ? stray_axis(axes, *held_deg_, sent_, tolerance_deg, tolerance_deg) : homing_.add(axes);
       if (astray)
         return device_error(*astray + (held_deg_ ? "" : "; or it has found it: expected " + bit_text("homed")));
-      if (over(axes)) return {};
-      if (devices_.clock.now_s() > deadline_s) return device_error(late);
+      if (over(axes)) return true;
+      if (devices_.clock.now_s() > deadline_s) return false;
       TRY(read_for(station_.motion.poll_moving_s));
     }
   }
@@ -255,34 +258,32 @@ class Trial {
       if (turned) turned_until_s = read.time_s;
       rate.add(read);
     };
-    const std::string late_text = std::string(to_string(axis)) + " did not arrive in time";
-    const Status arrived = wait_until(sent.seconds, late_text, [&](const TableStatus& axes) {
+    const bool arrived = TRY(is_over_within(sent.seconds, [&](const TableStatus& axes) {
       const AxisStatus& a = axes[index(axis)];
       follow();
       read = a;
       turned = !is_at(a, last.position_deg);
       if (turned || is_at(a, to_deg)) last = a;
       return !a.moving && a.in_position && is_at(a, to_deg);
-    });
+    }));
     if (arrived) {
       TRY(read_for(station_.motion.poll_moving_s));
       follow();
       TRY(rest());
     }
-    const bool late = !arrived && arrived.error().message == late_text;
-    const Result<double> at_deg = arrived || late ? position(axis) : Result<double>(arrived.error());
-    if (!at_deg) return arrived ? at_deg.error() : arrived.error();
-    if (late && is_at(last, to_deg))
+    const double at_deg = TRY(position(axis));
+    const std::string late_text = std::string(to_string(axis)) + " did not arrive in time";
+    if (!arrived && is_at(last, to_deg))
       return input_error(
           "{}: it has stood at its target for {:.3g} s, and {}: expected {} as the table's manual has it", late_text,
           unit_s() - turned_until_s, last.moving ? "still says that it moves" : "in_position was never set",
           bit_text(last.moving ? "moving" : "in_position"));
-    if (late && is_at(last, sent.from.position_deg))
+    if (!arrived && is_at(last, sent.from.position_deg))
       return input_error("{}: it did not turn: expected a move, and in it what enables the drive, as the manual has it",
                          late_text);
-    if (const Status fits = judge_rate(sent.move, sent.from.position_deg, *at_deg, turned_until_s - sent_s); !fits)
-      return late ? Error{fits.error().kind, arrived.error().message + ": " + fits.error().message} : fits.error();
-    if (!arrived) return arrived;
+    if (const Status fits = judge_rate(sent.move, sent.from.position_deg, at_deg, turned_until_s - sent_s); !fits)
+      return arrived ? fits.error() : Error{fits.error().kind, late_text + ": " + fits.error().message};
+    if (!arrived) return device_error(late_text);
     unjudged_s_[axis] = std::min(unjudged_s_[axis], TRY(rate.judge(axis, settings_.rate_tolerance)));
     return {};
   }
