@@ -16,9 +16,7 @@ namespace {
 
 // Are all free parameters determined?
 bool whole(const JointResult& fit) {
-  for (std::size_t k = 0; k < parameter_count; ++k)
-    if (parameter_is_free[k] && !fit.determined[k]) return false;
-  return true;
+  return std::ranges::all_of(free_parameters(), [&fit](int k) { return fit.determined[k]; });
 }
 
 bool noise_is_of_pulses(const Omnibus& omnibus) {

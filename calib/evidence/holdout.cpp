@@ -105,8 +105,7 @@ JointResult model_on_holdout(const CompressedRecording& holdout, const JointResu
   std::vector<double> turned_last;
   for (int k = 0; k < most_passes; ++k) {
     setup.with_columns = true;
-    const FilterResult pass =
-        run_filter(holdout, model.parameters, effect_model_of(model, holdout.info.latitude_deg), setup);
+    const auto pass = run_filter(holdout, model.parameters, effect_model_of(model, holdout.info.latitude_deg), setup);
     const Eigen::VectorXd step = solve_subset(pass.information, pass.gradient, own, result.ranges).step;
     if (!step.allFinite()) break;
     ParameterVector values = to_vector(model.parameters);

@@ -113,8 +113,7 @@ void test_innovations(const CompressedRecording& recording, const JointResult& f
   setup.noise = fit.noise;
   setup.with_columns = false;
   setup.keep_steps = true;
-  const FilterResult pass =
-      run_filter(recording, fit.parameters, effect_model_of(fit, recording.info.latitude_deg), setup);
+  const auto pass = run_filter(recording, fit.parameters, effect_model_of(fit, recording.info.latitude_deg), setup);
   const int lags = limits.lags_s;
   std::vector<Vector3d> u;
   double taking_part = 0.0, quiet_square = 0.0, square = 0.0;

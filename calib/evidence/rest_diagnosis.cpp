@@ -141,8 +141,7 @@ double rest_reference_temperature_c(const RestData& data) {
 EffectModel rest_effects(const RestData& data, const std::vector<EstimatedEffect>& effects) {
   std::vector<EffectColumn> columns;
   for (const EstimatedEffect& effect : effects) columns.push_back(effect.column);
-  EffectModel model =
-      make_effect_model(columns, {data.recording->info.latitude_deg}, rest_reference_temperature_c(data));
+  auto model = make_effect_model(columns, {data.recording->info.latitude_deg}, rest_reference_temperature_c(data));
   for (std::size_t k = 0; k < effects.size(); ++k) model.values[static_cast<Index>(k)] = effects[k].value;
   return model;
 }

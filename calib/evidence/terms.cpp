@@ -503,8 +503,7 @@ class Table {
   }
   void evaluate(Functions& f) const {
     f.values.setOnes(f.count, std::ssize(pieces_.cells));
-    for (Eigen::Index c = 0; f.write && c < f.values.cols(); ++c)
-      f.write(pieces_.cells[std::size_t(c)], f.values.col(c));
+    for (int c = 0; f.write && c < f.values.cols(); ++c) f.write(pieces_.cells[std::size_t(c)], f.values.col(c));
   }
   void add_of_time(std::vector<Functions>& functions) const {
     functions.push_back(steps_of(epochs_));

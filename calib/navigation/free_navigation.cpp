@@ -59,8 +59,7 @@ Result<FreeNavigation> navigate_freely(std::span<const MotionInterval> stretch, 
     site.gravity_mps2 += normal_gravity_mps2(begin.latitude_rad, begin.height_m) -
                          normal_gravity_mps2(first.latitude_rad, first.height_m);
   }
-  Alignment alignment =
-      TRY(align(stretch.first(align_intervals), site, DriftCovariance(site, setup.noise, setup.counts)));
+  auto alignment = TRY(align(stretch.first(align_intervals), site, DriftCovariance(site, setup.noise, setup.counts)));
   alignment.state.longitude_rad = begin.longitude_rad;
   alignment.state.height_m = begin.height_m;
 

@@ -287,8 +287,7 @@ VectorXd left_out_residual(const RestSystem& system, const VectorXd& weights) {
   const auto leave_out = [&](const std::vector<Index>& rows, auto wanted) {
     const MatrixXd part = basis(rows, Eigen::all);
     const Index n = part.rows();
-    const LeastSquares solved =
-        least_squares(MatrixXd::Identity(n, n) - part * part.transpose(), w.residual(rows), 1e-9);
+    const auto solved = least_squares(MatrixXd::Identity(n, n) - part * part.transpose(), w.residual(rows), 1e-9);
     if (solved.rank < n) return;  // these rows alone determine a parameter
     for (Index k = 0; k < n; ++k)
       if (wanted(rows[k])) predicted[rows[k]] = solved.x[k] / weights[rows[k]];

@@ -311,8 +311,7 @@ Eigen::Matrix<double, 2, 3> axes_across(const Vector3d& v) {
 }
 
 const char* to_string(RestKind kind) {
-  static constexpr const char* names[] = {"gravity norm at rest", "gravity direction after a rotation",
-                                          "gyros at rest"};
+  constexpr const char* names[] = {"gravity norm at rest", "gravity direction after a rotation", "gyros at rest"};
   return names[index(kind)];
 }
 

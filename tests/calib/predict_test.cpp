@@ -190,8 +190,7 @@ TEST(Predict, ASigmaThatIsPrintedHoldsWhateverTheUndeterminedIs) {
     options.start = unit;
     options.noise = noise_of_rig();
     options.look_for_faults = false;
-    const JointResult r =
-        joint_estimate(planned_recording(info, motion_of(steps_of_the_method(1, last)), unit), options);
+    const auto r = joint_estimate(planned_recording(info, motion_of(steps_of_the_method(1, last)), unit), options);
     // The same information with nothing known beforehand but the plausible ranges.
     const Eigen::VectorXd ranges = r.ranges(r.free);
     Eigen::MatrixXd A = r.last.information(r.free, r.free);

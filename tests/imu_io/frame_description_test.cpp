@@ -273,8 +273,7 @@ TEST(FrameForms, SignOf24BitsAndWrapOfCumulativeFields) {
 }
 
 TEST(FrameForms, ACumulativeFieldMayWrapAtAModulusOfItsOwn) {
-  const FrameDescription frame =
-      frame_with("laser_gyro", {"gyro.type = u32", "gyro.kind = cumulative", "gyro.modulus = 1000000"});
+  const auto frame = frame_with("laser_gyro", {"gyro.type = u32", "gyro.kind = cumulative", "gyro.modulus = 1000000"});
   std::vector<ImuSample> sent = numbered(0, 50);
   for (ImuSample& sample : sent) sample.gyro = {400000.0, -400000.0, 1.0};
   Line line(frame);

@@ -132,8 +132,7 @@ TEST(FirstStep, AnotherLatitude) {
     config.site.latitude_deg = anywhere(random);
     const double at_deg = config.site.latitude_deg, by_deg = at_deg > 0.0 ? -off(random) : off(random);
     for (const double told_deg : {at_deg, at_deg + by_deg}) {
-      const FirstStepStop found =
-          found_with([](ImuSample&) {}, [=](RecordingInfo& i) { i.latitude_deg = told_deg; }, config);
+      const auto found = found_with([](ImuSample&) {}, [=](RecordingInfo& i) { i.latitude_deg = told_deg; }, config);
       EXPECT_EQ(found.state, told_deg == at_deg ? RunState::done : RunState::failed)
           << config.site.latitude_deg << " told as " << told_deg << ": " << found.why;
       if (told_deg == at_deg) continue;

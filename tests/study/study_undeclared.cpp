@@ -344,8 +344,7 @@ Clean clean_of(const CompressedRecording& recording, JointResult fit, const Para
 // Columns: the 24 parameters, of the catalogue, others.
 FilterResult pass_with(const Clean& clean, const std::vector<EffectColumn>& catalogue,
                        const std::vector<Disturbance>& others) {
-  EffectModel model =
-      make_effect_model(catalogue, {clean.recording.info.latitude_deg}, clean.recording.mean_temperature_c);
+  auto model = make_effect_model(catalogue, {clean.recording.info.latitude_deg}, clean.recording.mean_temperature_c);
   model.columns += int(others.size());
   model.values = Eigen::VectorXd::Zero(model.columns);
   model.regressors = [&, of_catalogue = model.regressors](const BlockState& s, EffectRegressors& out) {

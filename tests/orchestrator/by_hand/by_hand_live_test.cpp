@@ -20,8 +20,7 @@ class ServedUnit {
     Result<Pty> line = Pty::create(link);
     EXPECT_TRUE(line.ok());
     line_ = std::move(*line);
-    const Result<FrameDescription> frame =
-        read_frame_description(std::string(TURNCAL_SOURCE_DIR) + "/imu_io/frames/laser_gyro.frame");
+    const auto frame = read_frame_description(std::string(TURNCAL_SOURCE_DIR) + "/imu_io/frames/laser_gyro.frame");
     EXPECT_TRUE(frame.ok());
     streamer_ = std::make_unique<FrameStreamer>(unit_, *frame, line_, speed_up, 1.0);
     thread_ = std::thread([this] { serve(); });

@@ -102,8 +102,7 @@ TEST(OperatorTerminal, EveryTaskFitsInEveryLanguage) {
       task.wrong = true;
       task.note = OperatorTexts::of(language).say(
           "wrong.gravity", {{"away", "90.4"}, {"axis", "roll"}, {"angle", "-90"}, {"most", "5"}});
-      const std::vector<std::string> lines =
-          drawn(screen_of(task, RunState::moving, language), "[dry run] 02:41", usual);
+      const auto lines = drawn(screen_of(task, RunState::moving, language), "[dry run] 02:41", usual);
       EXPECT_LT(lines.size(), 21u) << language << "\n" << all(lines) << "one that is cut off would be 21";
       for (std::string line : lines) {
         for (std::size_t escape; (escape = line.find('\x1b')) != std::string::npos;)
