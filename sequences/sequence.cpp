@@ -21,7 +21,6 @@ namespace turncal {
 namespace {
 
 constexpr std::size_t largest_file_bytes = 1'000'000;
-constexpr std::size_t longest_shown = 40;
 // From the inner to the outer axis.
 constexpr std::array<Axis, 3> approach_order = {Axis::roll, Axis::pitch, Axis::heading};
 constexpr std::int64_t shortest_dwell_samples = 200;        // 1 s at 200 Hz: one stillness window
@@ -38,12 +37,6 @@ bool is_name(std::string_view text) {
   return !text.empty() && std::ranges::all_of(text, [](char c) {
     return std::isalnum(static_cast<unsigned char>(c)) != 0 || c == '_' || c == '-' || c == '.';
   });
-}
-
-bool is_free_parameter(std::string_view key) {
-  for (std::size_t i = 0; i < parameter_keys.size(); ++i)
-    if (parameter_keys[i] == key) return parameter_is_free[i];
-  return false;
 }
 
 // A line is words separated by blanks; `"..."` is one title; `=` is a token of its own; `#` outside a title starts a comment. The last
@@ -77,13 +70,9 @@ std::optional<Axis> as_axis(const Token& token) {
   return std::nullopt;
 }
 
-// Returns the token in quotes: at most 40 bytes, unprintable characters as '?'.
 std::string shown(const Token& token) {
   if (token.kind == Token::Kind::end) return "the end of the line";
-  std::string text(token.text.substr(0, longest_shown));
-  for (char& c : text) c = c >= ' ' && c <= '~' ? c : '?';
-  if (token.text.size() > longest_shown) text += "...";
-  return token.kind == Token::Kind::title ? "the title \"" + text + "\"" : "'" + text + "'";
+  return (token.kind == Token::Kind::title ? "the title " : "") + quoted(token.text);
 }
 
 class Parser {
@@ -155,7 +144,7 @@ class Parser {
     if (word.is("align")) return parse_dwell(word, SegmentKind::align);
     if (word.is("dwell")) return parse_dwell(word, SegmentKind::still);
     if (word.is("rotate")) return parse_rotate(word);
-    return wrong(word, "step, determines, initial, align, dwell or rotate");
+    return wrong(word, one_of(word.text, {"step", "determines", "initial", "align", "dwell", "rotate"}));
   }
 
   // Parses a header line `key = value` above the first step.
@@ -165,9 +154,10 @@ class Parser {
     double* number = key.is("rate_degps")            ? &sequence_.rate_degps
                      : key.is("acceleration_degps2") ? &sequence_.acceleration_degps2
                                                      : nullptr;
-    if (!has_format_ && !is_format) return wrong(key, "'format = 1' as the first entry");
+    if (!has_format_ && !is_format)
+      return wrong(key, "'format = 1' as the first entry" + did_you_mean(key.text, {"format"}));
     if (number == nullptr && !is_format && !is_the_name)
-      return wrong(key, "format, name, rate_degps, acceleration_degps2 or step");
+      return wrong(key, one_of(key.text, {"format", "name", "rate_degps", "acceleration_degps2", "step"}));
     if ((is_format && has_format_) || (is_the_name && !sequence_.name.empty()) || (number != nullptr && *number != 0.0))
       return wrong(key, "each of format, name, rate_degps and acceleration_degps2 only once");
     if (const Token equals = next(); equals.kind != Token::Kind::equals)
@@ -217,12 +207,15 @@ class Parser {
     Step& step = sequence_.steps.back();
     if (!step.determines.empty() || !step.items.empty())
       return wrong(word, "determines once in a step, above its first item");
+    std::vector<std::string> known;
+    for (const int k : free_parameters()) known.push_back(parameter_key(k));
     do {
       const Token key = next();
-      if (key.kind != Token::Kind::word || !is_free_parameter(key.text))
+      if (key.kind != Token::Kind::word || std::ranges::find(known, key.text) == known.end())
         return wrong(key,
                      "one of the 21 parameters that are estimated (N01 to N03, A01 to A03, n11 to n33, "
-                     "a11 to a33 without a21, a31, a32)");
+                     "a11 to a33 without a21, a31, a32)" +
+                         did_you_mean(key.text, known));
       if (std::ranges::find(step.determines, key.text) != step.determines.end())
         return wrong(key, "each parameter once");
       step.determines.emplace_back(key.text);
@@ -291,7 +284,8 @@ class Parser {
       const bool is_rate = option.is("rate");
       bool& given = is_rate ? has_rate : has_acceleration;
       if (given || !(is_rate || option.is("acceleration")))
-        return wrong(option, "rate NUMBER, acceleration NUMBER (each at most once) or the end of the line");
+        return wrong(option, "rate NUMBER, acceleration NUMBER (each at most once) or the end of the line" +
+                                 did_you_mean(option.text, {"rate", "acceleration"}));
       given = true;
       TRY(read_rate(next(), option.text, is_rate ? move.rate_degps : move.acceleration_degps2));
     }
@@ -362,8 +356,9 @@ Result<Sequence> read_sequence(const std::string& path) {
   const std::filesystem::path program = std::filesystem::read_symlink("/proc/self/exe", none);
   const std::string installed = program.parent_path() / "../share/turncal/sequences" / path;
   const std::string& file = path_exists(path) ? path : installed;
-  if (!path_exists(file))
-    return input_error(path + ": there is no such file, and no sequence of turncal has this name: expected a sequence");
+  if (const std::string meant = file_meant(path); !path_exists(file))
+    return input_error(path + ": there is no such file, and no sequence of turncal has this name: expected a sequence" +
+                       (meant.empty() ? file_meant(installed) : meant));
   TRY(expect_file(file, FileKind::sequence));
   return parse_sequence(TRY(read_whole_file(file, largest_file_bytes)), file);
 }

@@ -8,6 +8,7 @@
 #include "calib/model/attitude.h"
 #include "calib/statistics/block_motion.h"
 #include "calib/types/axis.h"
+#include "calib/types/value_text.h"
 
 namespace turncal {
 namespace {
@@ -380,8 +381,8 @@ Status ClosedFormLayout::check_way(const Leg& leg, const SensorModel& model) con
   const Segment& to = recording_.segments[leg.to];
   for (std::size_t i = first_block_[leg.from + 1]; i < first_block_[leg.to + 1]; ++i)
     if (lost_in_motion(recording_, i, model))
-      return input_error("step {}: {} samples are missing near sample {}, in a rotation: the angle turned is lost",
-                         to.step, recording_.blocks[i].missing, recording_.blocks[i].start_sample);
+      return input_error("step {}: {} missing near sample {}, in a rotation: the angle turned is lost", to.step,
+                         counted(recording_.blocks[i].missing, "sample"), recording_.blocks[i].start_sample);
   const LegMotion motion = navigate_leg(recording_, first_block_, leg, model);
   const double turned_deg = motion.turned_rad / rad_per_deg;
   if (!(std::abs(turned_deg - leg.turn_deg) < max_misfit_deg))

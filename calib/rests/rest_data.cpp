@@ -13,6 +13,7 @@
 #include "calib/statistics/clipping.h"
 #include "calib/statistics/numerics.h"
 #include "calib/statistics/segmentation.h"
+#include "calib/types/value_text.h"
 
 namespace turncal {
 namespace {
@@ -59,8 +60,6 @@ Rest make_rest(const CompressedRecording& recording, std::size_t first, std::siz
   return rest;
 }
 
-std::string samples_text(std::int64_t count) { return std::to_string(count) + " sample" + (count == 1 ? "" : "s"); }
-
 std::string fault_in(const CompressedRecording& recording, std::size_t first, std::size_t end) {
   if (first >= end) return "no sample between the two rests";
   const std::int64_t from = recording.blocks[first].start_sample;
@@ -72,11 +71,11 @@ std::string fault_in(const CompressedRecording& recording, std::size_t first, st
   for (const DataEvent& event : recording.events)
     if (event.kind == DataEvent::Kind::invalid && event.axis >= 0 && in_leg(event))
       return fmt::format("{} for {} from sample {}", clipped_text(recording.info, event.axis, event.size),
-                         samples_text(event.count), event.sample);
+                         counted(event.count, "sample"), event.sample);
   for (const DataEvent& event : recording.events)
     if (!event.filled && event.kind != DataEvent::Kind::duplicate && event.kind != DataEvent::Kind::temperature &&
         event.sample >= from && event.sample < to)
-      return fmt::format("{} of {} at sample {}", to_string(event.kind), samples_text(event.count), event.sample);
+      return fmt::format("{} of {} at sample {}", to_string(event.kind), counted(event.count, "sample"), event.sample);
   return {};
 }
 
@@ -170,7 +169,7 @@ RestData make_rest_data(const CompressedRecording& recording, double edge_s) {
   std::erase_if(runs, [&](Run& run) { return !verify(recording, white, run, remarks); });
   for (const auto& [what, rests] : remarks) {
     const std::ptrdiff_t all = std::ssize(rests), told = std::min<std::ptrdiff_t>(all, 8);
-    data.notes.push_back(fmt::format("{} rests {}: {}{}", all, what,
+    data.notes.push_back(fmt::format("{} {}: {}{}", counted(all, "rest"), what,
                                      fmt::join(rests.begin(), rests.begin() + told, ", "),
                                      told < all ? fmt::format(", and {} more", all - told) : ""));
   }

@@ -11,6 +11,7 @@
 
 #include "calib/evidence/statement.h"
 #include "calib/statistics/numerics.h"
+#include "calib/types/value_text.h"
 
 namespace turncal {
 namespace {
@@ -652,8 +653,8 @@ Result<ThermalModel> fit_thermal_model(const std::vector<ThermalLeg>& legs, cons
   ThermalModel model;
   model.low_c = coldest->temperature_c, model.high_c = hottest->temperature_c;
   if (model.high_c - model.low_c <= thermal_priors.same_temperature_c)
-    return input_error("{} leg{} at {:.2f} C: expected legs at two temperatures at least, {} C apart", legs.size(),
-                       legs.size() == 1 ? "" : "s", model.low_c, thermal_priors.same_temperature_c);
+    return input_error("{} at {:.2f} C: expected legs at two temperatures at least, {} C apart",
+                       counted(std::ssize(legs), "leg"), model.low_c, thermal_priors.same_temperature_c);
   model.reference_c = options.reference_c.value_or(0.5 * (model.low_c + model.high_c));
   if (!(model.reference_c >= model.low_c && model.reference_c <= model.high_c))
     return input_error("reference temperature {} C: expected one in the range of the legs, {:.2f} to {:.2f} C",

@@ -37,6 +37,11 @@ std::string with_decimals(double value, int decimals) {
   return text[0] == '-' && text.find_first_of("123456789") == std::string::npos ? text.substr(1) : text;
 }
 
+std::string counted(std::int64_t count, std::string_view noun) {
+  const bool hisses = noun.ends_with("ch") || noun.ends_with("s");
+  return fmt::format("{} {}{}", count, noun, count == 1 ? "" : hisses ? "es" : "s");
+}
+
 std::string significant(double value, int digits, Alphabet alphabet) {
   if (!std::isfinite(value)) return "-";
   if (value == 0.0) return "0";

@@ -2,7 +2,9 @@
 // UTF-8: ±, 10⁻⁷).
 #pragma once
 
+#include <cstdint>
 #include <string>
+#include <string_view>
 
 namespace turncal {
 
@@ -17,5 +19,6 @@ std::string value_with_sigma(double value, double sigma, Alphabet alphabet = Alp
 std::string plus_minus(double value, double sigma, Alphabet alphabet = Alphabet::plain);
 // Returns 0.00 for -0.001; "-" for a number that is not finite.
 std::string with_decimals(double value, int decimals);
+std::string counted(std::int64_t count, std::string_view noun);  // "1 sample", "2 samples", "2 batches"
 
 }  // namespace turncal

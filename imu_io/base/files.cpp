@@ -32,7 +32,9 @@ Error error_of(ErrorKind kind, const std::string& path, std::string_view what, i
 Error system_error(const std::string& path, std::string_view what, int number) {
   constexpr int failed[] = {ENOSPC, EDQUOT, EIO, EMFILE, ENFILE, ENOMEM, EFBIG};
   const bool device = std::ranges::count(failed, number) > 0;
-  return error_of(device ? ErrorKind::device : ErrorKind::input, path, what, number);
+  Error error = error_of(device ? ErrorKind::device : ErrorKind::input, path, what, number);
+  if (number == ENOENT) error.message += file_meant(path);
+  return error;
 }
 
 Error not_regular(const std::string& path) { return input_error(path + ": not a regular file"); }
@@ -226,6 +228,19 @@ Status check_regular_file(const std::string& path) {
 }
 
 bool path_exists(const std::string& path) { return ::access(path.c_str(), F_OK) == 0; }
+
+std::vector<std::string> names_in(const std::string& folder) {
+  std::vector<std::string> names;
+  std::error_code error;
+  for (std::filesystem::directory_iterator entry(folder, error), end; !error && entry != end; entry.increment(error))
+    names.push_back(entry->path().filename().string());
+  std::ranges::sort(names);
+  return names;
+}
+
+std::string file_meant(const std::string& path) {
+  return did_you_mean(path.substr(path.rfind('/') + 1), names_in(folder_of(path)));
+}
 
 Status make_folder(const std::string& path) {
   std::error_code error;

@@ -93,6 +93,9 @@ class FileWindow {
 // Reads the whole file; an error above max_bytes.
 Result<std::string> read_whole_file(const std::string& path, std::size_t max_bytes = std::size_t{64} << 20);
 bool path_exists(const std::string& path);
+std::vector<std::string> names_in(const std::string& folder);  // sorted; empty: none, or no such folder
+// Returns did_you_mean() (text.h) of the names beside a file that is not there.
+std::string file_meant(const std::string& path);
 Status make_folder(const std::string& path);  // with its parents; no error if it exists
 // Returns an error when a folder, device or pipe has this name; no error when nothing has.
 Status check_regular_file(const std::string& path);

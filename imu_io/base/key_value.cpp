@@ -28,15 +28,6 @@ std::vector<std::string_view> split_at_commas(std::string_view text) {
   return text.empty() ? std::vector<std::string_view>{} : split(text, ',');
 }
 
-std::string joined(std::initializer_list<std::string_view> choices) {
-  std::string result;
-  for (const std::string_view& choice : choices) {
-    if (&choice != choices.begin()) result += &choice + 1 == choices.end() ? " or " : ", ";
-    result += choice;
-  }
-  return result;
-}
-
 std::string describe_integer(std::int64_t min, std::int64_t max) {
   using Limits = std::numeric_limits<std::int64_t>;
   const bool below = min != Limits::min(), above = max != Limits::max();
@@ -216,15 +207,15 @@ std::int64_t KeyValueFile::integer(std::string_view key, std::int64_t min, std::
 bool KeyValueFile::boolean_or(std::string_view key, bool otherwise) {
   const Entry* entry = use(key);
   if (entry == nullptr) return otherwise;
-  if (entry->value != "true" && entry->value != "false") reject(key, "true or false");
+  if (entry->value != "true" && entry->value != "false") reject(key, turncal::one_of(entry->value, {"true", "false"}));
   return entry->value == "true";
 }
 
-std::string KeyValueFile::one_of(std::string_view key, std::initializer_list<std::string_view> choices) {
-  const Entry* entry = require(key, joined(choices));
+std::string KeyValueFile::one_of(std::string_view key, const std::vector<std::string>& choices) {
+  const Entry* entry = require(key, turncal::one_of("", choices));
   if (entry == nullptr) return {};
   if (std::ranges::find(choices, entry->value) != choices.end()) return entry->value;
-  reject(key, joined(choices));
+  reject(key, turncal::one_of(entry->value, choices));
   return {};
 }
 
@@ -257,11 +248,18 @@ std::vector<std::string> KeyValueFile::list(std::string_view key) {
   return {};
 }
 
+std::string KeyValueFile::file_named(std::string_view key) {
+  const Entry* const entry = require(key, "a file");
+  const Result<PosixFile> file = PosixFile::open_to_read(entry == nullptr ? "" : beside(entry->value));
+  if (file) return file->path();
+  reject(key, "a file: " + file.error().message);
+  return {};
+}
+
 // ---- key tables and line sources ----
 
-std::size_t KeyTable::place_of(const std::string& key, std::size_t place,
-                               std::initializer_list<std::string_view> names) {
-  const std::string name = file_.one_of_or(key, names.begin()[place], names);
+std::size_t KeyTable::place_of(const std::string& key, std::size_t place, const std::vector<std::string>& names) {
+  const std::string name = file_.one_of_or(key, names[place], names);
   // After a defect the word is unknown; the caller may go on with any value.
   const auto at = std::ranges::find(names, name);
   return at == names.end() ? place : std::size_t(at - names.begin());

@@ -16,7 +16,6 @@
 #pragma once
 
 #include <cstdint>
-#include <initializer_list>
 #include <limits>
 #include <optional>
 #include <string>
@@ -63,10 +62,11 @@ class KeyValueFile {
   double number(std::string_view key, NumberRange range = any_number);
   std::int64_t integer(std::string_view key, std::int64_t min = std::numeric_limits<std::int64_t>::min(),
                        std::int64_t max = std::numeric_limits<std::int64_t>::max());
-  std::string one_of(std::string_view key, std::initializer_list<std::string_view> choices);
+  std::string one_of(std::string_view key, const std::vector<std::string>& choices);
   // count: how many numbers are required; 0 allows any number of them, also none.
   std::vector<double> numbers(std::string_view key, std::size_t count = 0, NumberRange range = any_number);
   std::vector<std::string> list(std::string_view key);
+  std::string file_named(std::string_view key);  // the path, beside(), of a file that can be read; empty after a defect
 
   // Getters of optional keys: the default when the key is missing. A value that is present is always checked.
   std::string text_or(std::string_view key, std::string_view otherwise);
@@ -82,8 +82,7 @@ class KeyValueFile {
     return has(key) ? integer(key, min, max) : otherwise;
   }
   bool boolean_or(std::string_view key, bool otherwise);  // true or false
-  std::string one_of_or(std::string_view key, std::string_view otherwise,
-                        std::initializer_list<std::string_view> choices) {
+  std::string one_of_or(std::string_view key, std::string_view otherwise, const std::vector<std::string>& choices) {
     return has(key) ? one_of(key, choices) : std::string(otherwise);
   }
   std::vector<double> numbers_or(std::string_view key, std::vector<double> otherwise, std::size_t count = 0,
@@ -154,14 +153,14 @@ class KeyTable {
   void text(const std::string& key, std::string& value) { value = file_.text_or(key, value); }
   // The value is the index of the word in `names`: enumerators in their order, or false and true.
   template <class Value>
-  void chosen(const std::string& key, Value& value, std::initializer_list<std::string_view> names) {
+  void chosen(const std::string& key, Value& value, const std::vector<std::string>& names) {
     value = static_cast<Value>(place_of(key, std::size_t(value), names));
   }
 
   KeyValueFile& file() const { return file_; }
 
  private:
-  std::size_t place_of(const std::string& key, std::size_t place, std::initializer_list<std::string_view> names);
+  std::size_t place_of(const std::string& key, std::size_t place, const std::vector<std::string>& names);
 
   KeyValueFile& file_;
   NumberRange usual_;

@@ -127,14 +127,26 @@ std::string did_you_mean(std::string_view typed, const std::vector<std::string>&
   constexpr std::size_t longest = 80;  // no word that anybody means is longer; it bounds the work
   if (typed.empty() || typed.size() > longest) return "";
   const std::size_t most = std::min<std::size_t>(3, (typed.size() + 1) / 3);
-  std::pair<std::size_t, std::ptrdiff_t> closest(most, 1);
+  std::tuple<std::size_t, bool, std::ptrdiff_t> closest(most, true, 1);
   std::string meant;
   for (const std::string& word : known) {
-    if (word.empty() || word.size() > longest) continue;
-    const std::pair distance(edit_distance(typed, word), typed.begin() - std::ranges::mismatch(typed, word).in1);
-    if (distance < closest) std::tie(closest, meant) = std::tuple(distance, word);
+    if (word.empty() || word.size() > longest || word == typed) continue;
+    const std::ptrdiff_t alike = typed.begin() - std::ranges::mismatch(typed, word).in1;
+    for (std::size_t end = 0; end < word.size(); ++end) {
+      end = std::min(word.find_first_of("-_. ", end), word.size());
+      const std::tuple distance(edit_distance(typed, word.substr(0, end)), end < word.size(), alike);
+      if (end > 0 && distance < closest) std::tie(closest, meant) = std::tuple(distance, word);
+    }
   }
   return meant.empty() ? "" : "; did you mean " + turncal::quoted(meant) + "?";
+}
+
+std::string one_of(std::string_view typed, const std::vector<std::string>& known) {
+  constexpr std::size_t shown = 14;
+  std::string words;
+  for (std::size_t k = 0; k < std::min(shown, known.size()); ++k)
+    words += (k == 0 ? "" : k + 1 == known.size() ? " or " : ", ") + known[k];
+  return words + (known.size() > shown ? ", ..." : "") + did_you_mean(typed, known);
 }
 
 }  // namespace turncal

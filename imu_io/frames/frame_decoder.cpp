@@ -8,6 +8,7 @@
 #include <cstring>
 
 #include "imu_io/base/files.h"
+#include "imu_io/base/text.h"
 
 namespace turncal {
 
@@ -161,8 +162,7 @@ constexpr double largest_pulses = 2147483647.0;  // limit of a recording
 double cumulative_step(std::uint64_t now, std::uint64_t before, std::uint64_t modulus) {
   if (modulus == 0) return double(std::int64_t(now - before));
   const std::uint64_t up = now >= before ? now - before : modulus - (before - now);
-  if (up <= modulus / 2) return double(up);
-  return -double(modulus - up);
+  return up <= modulus / 2 ? double(up) : -double(modulus - up);
 }
 
 // Reads the increments and the invalid flag. Returns false when the numbers are impossible.
@@ -561,18 +561,18 @@ Result<FrameLog> read_frame_log(const std::string& path, const FrameDescription&
     while ((next = decoder.next(sample)) == FrameDecoder::Next::sample)
       if (log.samples.empty() || sample.counter > log.samples.back().counter) log.samples.push_back(sample);
     if (next == FrameDecoder::Next::restarted)
-      return input_error(
-          "{}: near byte {}, after {} samples: {} and its biases may be others: expected the log of one session", path,
-          at, log.samples.size(), decoder.restart_reason());
+      return input_error("{}: near byte {}, after {}: {} and its biases may be others: expected the log of one session",
+                         path, at, counted(std::ssize(log.samples), "sample"), decoder.restart_reason());
   }
   const ScanCounters& scan = decoder.scan();
   const ImuLinkCounters link = decoder.counters();
   const double wrap_s = tracker_of(frame).wrap_s();
   const bool wraps = link.lost_samples > 0 && wrap_s > 0.0 && wrap_s < some_time.latest_s;
-  log.summary = fmt::format(
-      "{} bytes, {} frames of {}, {} bad, {} bytes of none, {} samples lost{}, {} duplicates, {} strays, {} flagged",
-      size, scan.frames, frame.name, link.bad_frames, scan.skipped_bytes, link.lost_samples,
-      wraps ? " (or more: the counter wraps)" : "", link.duplicates, decoder.strays(), decoder.invalid());
+  log.summary =
+      fmt::format("{}, {} of {}, {} bad, {} of none, {} lost{}, {}, {}, {} flagged", counted(size, "byte"),
+                  counted(scan.frames, "frame"), frame.name, link.bad_frames, counted(scan.skipped_bytes, "byte"),
+                  counted(link.lost_samples, "sample"), wraps ? " (or more: the counter wraps)" : "",
+                  counted(link.duplicates, "duplicate"), counted(decoder.strays(), "stray"), decoder.invalid());
   if (log.samples.empty())
     return input_error("{}: no sample in it by the frame description {}: {}", path, frame.name, log.summary);
   return log;

@@ -22,7 +22,7 @@ constexpr std::uint64_t all_bits = ~std::uint64_t{0};
 // Keys of a variant: `<variant>.<key>` if the file has it, else `<key>`, which then holds for all variants (KeyValueFile::set_scope).
 
 template <class Value>
-void chosen(KeyValueFile& file, const std::string& key, Value& value, std::initializer_list<std::string_view> names) {
+void chosen(KeyValueFile& file, const std::string& key, Value& value, const std::vector<std::string>& names) {
   KeyTable(file).chosen(key, value, names);
 }
 
@@ -102,7 +102,7 @@ FrameField read_field(KeyValueFile& file, const std::string& prefix, std::string
 // ---- the parts of a description ----
 
 // Reads three values, whose keys are in the order of the frame.
-void read_triad(KeyValueFile& file, const std::string& prefix, const std::vector<std::string_view>& units,
+void read_triad(KeyValueFile& file, const std::string& prefix, const std::vector<std::string>& units,
                 double sample_period_s, std::span<FrameValue, 3> values) {
   const std::vector<FrameField> fields = read_fields(file, prefix, "i32", 3);
   const FieldForm& form = fields[0].form();

@@ -152,8 +152,7 @@ std::uint32_t fletcher(const FrameCheck& check, std::span<const std::byte> cover
 }  // namespace
 
 std::size_t check_offset(const FrameCheck& check, std::size_t frame_length) {
-  if (!check.from_end) return check.field.offset();
-  return frame_length - std::min(check.field.offset(), frame_length);
+  return !check.from_end ? check.field.offset() : frame_length - std::min(check.field.offset(), frame_length);
 }
 
 std::uint32_t frame_check_value(const FrameCheck& check, const Crc& crc, std::span<const std::byte> frame) {

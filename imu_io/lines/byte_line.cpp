@@ -50,8 +50,7 @@ Result<int> connect_tcp(const std::string& address, double timeout_s, const std:
   const std::size_t colon = address.rfind(':');
   if (colon == std::string::npos || colon == 0 || colon + 1 == address.size())
     return input_error("link.address = '" + address + "': expected host:port");
-  const Addresses found =
-      TRY(look_up(address, address.substr(0, colon), address.substr(colon + 1), AF_UNSPEC, SOCK_STREAM));
+  const auto found = TRY(look_up(address, address.substr(0, colon), address.substr(colon + 1), AF_UNSPEC, SOCK_STREAM));
   const Deadline deadline(timeout_s);
   int result = EADDRNOTAVAIL;
   for (const addrinfo* to = found.get(); to != nullptr && result != ECANCELED; to = to->ai_next) {

@@ -235,8 +235,7 @@ std::optional<Segment> parse_segment(std::span<const std::byte> payload) {
 }
 
 const char* check_sample(const ImuSample& sample, const RecordingInfo& info) {
-  constexpr std::int32_t least = std::numeric_limits<std::int32_t>::min(),
-                         most = std::numeric_limits<std::int32_t>::max();
+  constexpr std::int32_t least = INT32_MIN, most = INT32_MAX;
   const auto whole = [](double x) { return x >= least && x <= most && x == std::int32_t(x); };
   const auto good = [&](const std::array<double, 3>& v, IncrementKind kind) {
     if (kind == IncrementKind::pulses) return whole(v[0]) && whole(v[1]) && whole(v[2]);
@@ -249,8 +248,7 @@ const char* check_sample(const ImuSample& sample, const RecordingInfo& info) {
   if (!good(sample.accel, info.accel_increment))
     return info.accel_increment == IncrementKind::pulses ? "accel: expected whole pulses that fit into 32 bits"
                                                          : "accel: expected finite numbers";
-  if (std::isinf(sample.temperature_c)) return "temperature_c: expected a finite number";
-  return nullptr;
+  return std::isinf(sample.temperature_c) ? "temperature_c: expected a finite number" : nullptr;
 }
 
 void append_samples(std::vector<std::byte>& out, std::span<const ImuSample> samples, const RecordingInfo& info) {

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <functional>
 #include <limits>
+#include <map>
 #include <span>
 
 #include <Eigen/Core>
@@ -25,7 +26,7 @@ namespace {
 
 // ---- the map ----
 
-CsvTriad read_triad(KeyValueFile& file, const std::string& name, const std::vector<std::string_view>& units) {
+CsvTriad read_triad(KeyValueFile& file, const std::string& name, const std::vector<std::string>& units) {
   CsvTriad triad;
   const std::vector<std::string> columns = file.list(name + ".columns");
   if (columns.size() == 3)
@@ -45,6 +46,8 @@ CsvTriad read_triad(KeyValueFile& file, const std::string& name, const std::vect
   return triad;
 }
 
+const std::map<std::string, double> unit_seconds = {{"s", 1.0}, {"ms", 1e-3}, {"us", 1e-6}, {"ns", 1e-9}};
+
 void read_clocks(KeyValueFile& file, CsvMap& map) {
   const std::vector<std::string> columns = file.list_or("time.column", {}), units = file.list_or("time.unit", {"s"});
   map.accel_time_columns = file.list_or("accel.time.column", columns);
@@ -53,12 +56,9 @@ void read_clocks(KeyValueFile& file, CsvMap& map) {
     return file.reject("time.unit", "a unit for each column of time.column");
   for (const std::string& column : columns) {
     const std::string& unit = units[map.clocks.size()];
-    const double unit_s = unit == "s"    ? 1.0
-                          : unit == "ms" ? 1e-3
-                          : unit == "us" ? 1e-6
-                          : unit == "ns" ? 1e-9
-                                         : parse_number(unit).value_or(0.0);
-    if (!(unit_s > 0.0)) file.reject("time.unit", "s, ms, us, ns or a number of seconds");
+    const auto known = unit_seconds.find(unit);
+    const double unit_s = known == unit_seconds.end() ? parse_number(unit).value_or(0.0) : known->second;
+    if (!(unit_s > 0.0)) file.reject("time.unit", "a number of seconds, " + one_of(unit, {"s", "ms", "us", "ns"}));
     map.clocks.push_back({column, unit_s});
   }
 }
@@ -80,7 +80,7 @@ Result<CsvMap> read_map(KeyValueFile& file) {
                          : CsvMap::Increments::intervals;
   map.gap = file.number_or("time.gap", 1.5, at_least(1.1));
   if (map.clocks.empty())
-    map.rate_hz = file.number("rate_hz", between(0.1, 1e5));
+    map.rate_hz = file.number("rate_hz", sample_rate_hz);
   else if (file.has("rate_hz"))
     file.reject("rate_hz", "no rate beside time.column: the rate comes from the times");
   if (map.clocks.empty())
@@ -432,7 +432,7 @@ class Importer {
       return {};
     }
     if (!timed())
-      return input_error("{}: {} rows: expected {}, as in {}, or time.column", source.file_name, n, rows_,
+      return input_error("{}: {}: expected {}, as in {}, or time.column", source.file_name, counted(n, "row"), rows_,
                          source_.file_name);
     for (std::size_t k = 1; k < n; ++k)
       if (!(time[k] > time[k - 1])) return goes_back(source, table.line[k], map_.accel_time_columns[0], time[k]);
@@ -517,11 +517,12 @@ class Importer {
     }
     result_.gaps = std::int64_t(gaps_.size());
     const double per_row = period / std::ranges::min(map_.clocks, {}, &CsvClock::unit_s).unit_s;
-    if (!(period >= 1.0 / 4e4 && period <= 10.0))
+    if (!sample_rate_hz.contains(1.0 / period))
       return input_error(
           "{}: {:.4g} from row to row is {:.4g} Hz in s, {:.4g} in ms, {:.4g} in us, {:.4g} in ns: "
-          "expected a time.unit with 0.1 to 40000 Hz",
-          source_.file_name, per_row, 1.0 / per_row, 1e3 / per_row, 1e6 / per_row, 1e9 / per_row);
+          "expected a time.unit with {} to {} Hz",
+          source_.file_name, per_row, 1.0 / per_row, 1e3 / per_row, 1e6 / per_row, 1e9 / per_row, sample_rate_hz.min,
+          sample_rate_hz.max);
     return {};
   }
 
@@ -647,7 +648,7 @@ ColumnSource columns_of_bag(const std::string& path, BagImu bag) {
     for (const WantedColumn& column : wanted) {
       const auto at = std::ranges::find(bag->columns, column.name, &NumberColumn::name);
       if (at == bag->columns.end())
-        return input_error("{}: no column {}: it has {}", name, quoted(column.name), fmt::join(names, ", "));
+        return input_error("{}: no column {}: expected {}", name, quoted(column.name), one_of(column.name, names));
       columns.push_back(at->values.data());
     }
     constexpr std::size_t most = std::size_t{1} << 14;

@@ -27,9 +27,12 @@
 #include "calib/types/axis.h"
 #include "calib/types/recording_types.h"
 #include "calib/types/status.h"
+#include "imu_io/base/key_value.h"
 #include "imu_io/recordings/number_table.h"
 
 namespace turncal {
+
+inline constexpr NumberRange sample_rate_hz = between(0.1, 4e4);
 
 // The map says what the columns of a table are. Every key: docs/import.md.
 struct CsvTriad {

@@ -304,8 +304,8 @@ class Proposer {
       return Status();
     }));
     if (table.rows() < 10)
-      return input_error("{}: {} rows with a number in each column of the IMU: expected at least 10{}{}",
-                         source_.file_name, table.rows(), table.bad_rows > 0 ? "; " : "", table.first_bad);
+      return input_error("{}: {} with a number in each column of the IMU: expected at least 10{}{}", source_.file_name,
+                         counted(table.rows(), "row"), table.bad_rows > 0 ? "; " : "", table.first_bad);
     values_.resize(layout_.columns.size());
     for (std::size_t k = 0; k < columns.size(); ++k) values_[columns[k]] = std::move(table.columns[k]);
     for (std::size_t k = rows(); nanoseconds_ && k-- > 0;)

@@ -171,9 +171,11 @@ class CsvTable {
       } else if (column.may_be_missing) {
         index_.push_back(missing);
       } else {
-        return defect(fmt::format("no column {}; the header has {} names{}", quoted(column.name), header.size(),
+        return defect(fmt::format("no column {}; the header has {}{}", quoted(column.name),
+                                  counted(std::ssize(header), "name"),
                                   header.empty() ? ": give column numbers, or csv.header_lines"
-                                                 : ", the first is " + quoted(header.front())));
+                                                 : ", the first is " + quoted(header.front())) +
+                      did_you_mean(column.name, header));
       }
     }
     return {};
@@ -212,7 +214,8 @@ class CsvTable {
     const WantedColumn& wanted = wanted_[column];
     if (index_[column] >= cells_.size()) {
       if (wanted.may_be_blank) return std::numeric_limits<double>::quiet_NaN();
-      return defect(fmt::format("column {} is missing: the row has {} columns", quoted(wanted.name), cells_.size()));
+      return defect("column " + quoted(wanted.name) + " is missing: the row has " +
+                    counted(std::ssize(cells_), "column"));
     }
     const std::string_view cell = cells_[index_[column]];
     if (wanted.may_be_blank && (cell.empty() || cell == "nan" || cell == "NaN"))
@@ -231,7 +234,7 @@ class CsvTable {
       while (!format_.whole_rows && cells_.size() > width_ && cells_.back().empty()) cells_.pop_back();
       // With a cell more or less, the others may be in the wrong columns.
       if (cells_.size() != width_)
-        return defect(fmt::format("the row has {} columns: expected {}, as {}", cells_.size(), width_,
+        return defect(fmt::format("the row has {}: expected {}, as {}", counted(std::ssize(cells_), "column"), width_,
                                   named_ || format_.whole_rows ? "the header has names" : "the first row has"));
     }
     for (std::size_t k = 0; k < wanted_.size(); ++k) {
@@ -314,6 +317,10 @@ Error column_error(const std::string& file_name, const std::string& name, const 
   return input_error(file_name + ": column " + quoted(name) + ": " + what);
 }
 
+std::string meant_of(const std::string& name, const Result<std::vector<std::string>>& columns) {
+  return columns ? did_you_mean(name, *columns) : "";
+}
+
 // `read_column` maps a WantedColumn to a Result of numbers, none if it is missing and may be. `first` is the number of the first row.
 template <class ReadColumn>
 Result<NumberTable> read_arrays(const std::string& file_name, const std::vector<WantedColumn>& wanted,
@@ -323,8 +330,9 @@ Result<NumberTable> read_arrays(const std::string& file_name, const std::vector<
   for (const WantedColumn& column : wanted) {
     const std::vector<double>& values = table.columns.emplace_back(TRY(read_column(column)));
     if (rows > 0 && !values.empty() && values.size() != rows)
-      return column_error(file_name, column.name,
-                          fmt::format("has {} rows: expected {}, as the columns before", values.size(), rows));
+      return column_error(
+          file_name, column.name,
+          fmt::format("has {}: expected {}, as the columns before", counted(std::ssize(values), "row"), rows));
     rows = std::max(rows, values.size());
   }
   table.position.resize(rows);
@@ -483,29 +491,6 @@ MatrixView view_mat(const matvar_t& variable) {
   return view;
 }
 
-Result<NumberTable> read_mat(const std::string& file_name, const std::vector<WantedColumn>& wanted) {
-  const MatFile file = TRY(open_mat(file_name));
-  MatVariable variable(nullptr, Mat_VarFree);  // kept, because one matrix may have all columns
-  return read_arrays(file_name, wanted, [&](const WantedColumn& column) -> Result<std::vector<double>> {
-    const auto [path, number] = path_and_part(column.name);
-    const std::vector<std::string_view> names = split(path, '.');
-    if (!variable || variable->name != names.front())
-      variable.reset(Mat_VarRead(file.get(), std::string(names.front()).c_str()));
-    matvar_t* found = variable.get();
-    for (std::size_t k = 1; k < names.size() && found != nullptr; ++k)
-      found = found->class_type == MAT_C_STRUCT ? Mat_VarGetStructFieldByName(found, std::string(names[k]).c_str(), 0)
-                                                : nullptr;
-    if (found == nullptr && column.may_be_missing) return std::vector<double>();
-    const auto refuse = [&](const std::string& what) { return column_error(file_name, column.name, what); };
-    if (found == nullptr || found->data == nullptr)
-      return refuse("no variable " + quoted(path) + " of numbers: expected name, name:column or struct.name");
-    const MatrixView view = view_mat(*found);
-    if (view.type == nullptr) return refuse("expected a real matrix of two dimensions");
-    if (const auto place = place_among(view.columns, number)) return view.column(*place);
-    return refuse("expected a column from 1 to " + std::to_string(view.columns));
-  });
-}
-
 constexpr std::size_t widest = 32;
 
 // Lists a vector as "name", a matrix as "name:1" and so on.
@@ -534,6 +519,30 @@ Result<std::vector<std::string>> mat_columns(const std::string& file_name) {
     if (variable->name == nullptr) return input_error(file_name + ": a variable without a name: the file is damaged");
     list_variable(variable->name, *variable, names);
   }
+}
+
+Result<NumberTable> read_mat(const std::string& file_name, const std::vector<WantedColumn>& wanted) {
+  const MatFile file = TRY(open_mat(file_name));
+  MatVariable variable(nullptr, Mat_VarFree);  // the last one: a matrix may have all the columns
+  return read_arrays(file_name, wanted, [&](const WantedColumn& column) -> Result<std::vector<double>> {
+    const auto [path, number] = path_and_part(column.name);
+    const std::vector<std::string_view> names = split(path, '.');
+    if (!variable || variable->name != names.front())
+      variable.reset(Mat_VarRead(file.get(), std::string(names.front()).c_str()));
+    matvar_t* found = variable.get();
+    for (std::size_t k = 1; k < names.size() && found != nullptr; ++k)
+      found = found->class_type == MAT_C_STRUCT ? Mat_VarGetStructFieldByName(found, std::string(names[k]).c_str(), 0)
+                                                : nullptr;
+    if (found == nullptr && column.may_be_missing) return std::vector<double>();
+    const auto refuse = [&](const std::string& what) { return column_error(file_name, column.name, what); };
+    if (found == nullptr || found->data == nullptr)
+      return refuse("no variable " + quoted(path) + " of numbers: expected name, name:column or struct.name" +
+                    meant_of(column.name, mat_columns(file_name)));
+    const MatrixView view = view_mat(*found);
+    if (view.type == nullptr) return refuse("expected a real matrix of two dimensions");
+    if (const auto place = place_among(view.columns, number)) return view.column(*place);
+    return refuse("expected a column from 1 to " + std::to_string(view.columns));
+  });
 }
 
 // ---- HDF5 ----
@@ -574,12 +583,38 @@ struct Hdf5Shape {
 
 bool is_number(H5T_class_t type) { return type == H5T_INTEGER || type == H5T_FLOAT; }
 
+herr_t list_hdf5_object(hid_t file, const char* name, const H5O_info_t* info, void* names) {
+  if (info->type != H5O_TYPE_DATASET) return 0;
+  const Hdf5Id set(H5Dopen2(file, name, H5P_DEFAULT), H5Dclose);
+  const Hdf5Id space(H5Dget_space(set), H5Sclose), type(H5Dget_type(set), H5Tclose);
+  const Hdf5Shape shape(space);
+  auto& list = *static_cast<std::vector<std::string>*>(names);
+  if (is_number(H5Tget_class(type))) list_columns(name, shape.rows, shape.columns, list);
+  for (int k = 0; H5Tget_class(type) == H5T_COMPOUND && k < H5Tget_nmembers(type); ++k) {
+    char* const member = H5Tget_member_name(type, unsigned(k));
+    if (is_number(H5Tget_member_class(type, unsigned(k)))) list.push_back(fmt::format("{}:{}", name, member));
+    H5free_memory(member);
+  }
+  return 0;
+}
+
+Result<std::vector<std::string>> hdf5_columns(const std::string& file_name) {
+  const Hdf5Id file(open_hdf5(file_name), H5Fclose);
+  std::vector<std::string> names;
+  if (file < 0 || H5Ovisit2(file, H5_INDEX_NAME, H5_ITER_NATIVE, list_hdf5_object, &names, H5O_INFO_BASIC) < 0)
+    return input_error(file_name + ": libhdf5 cannot read this file");
+  return names;
+}
+
+FileKind form_of(std::string_view content) { return recognise_content(content.substr(0, 16)); }
+
 Result<std::vector<double>> read_hdf5_column(hid_t file, const std::string& file_name, const std::string& name) {
   const auto refuse = [&](const std::string& what) { return column_error(file_name, name, what); };
   const auto [path, part] = path_and_part(name);
   const Hdf5Id set(H5Dopen2(file, path.c_str(), H5P_DEFAULT), H5Dclose);
   if (set < 0)
-    return refuse("no dataset " + quoted(path) + ": expected group/name, group/name:column or group/name:field");
+    return refuse("no dataset " + quoted(path) + ": expected group/name, group/name:column or group/name:field" +
+                  meant_of(name, hdf5_columns(file_name)));
   const Hdf5Id space(H5Dget_space(set), H5Sclose), type(H5Dget_type(set), H5Tclose);
   const Hdf5Shape shape(space);
   const bool compound = H5Tget_class(type) == H5T_COMPOUND;
@@ -616,31 +651,6 @@ Result<NumberTable> read_hdf5(const std::string& file_name, const std::vector<Wa
   return read_arrays(file_name, wanted,
                      [&](const WantedColumn& column) { return read_hdf5_column(file, file_name, column.name); });
 }
-
-herr_t list_hdf5_object(hid_t file, const char* name, const H5O_info_t* info, void* names) {
-  if (info->type != H5O_TYPE_DATASET) return 0;
-  const Hdf5Id set(H5Dopen2(file, name, H5P_DEFAULT), H5Dclose);
-  const Hdf5Id space(H5Dget_space(set), H5Sclose), type(H5Dget_type(set), H5Tclose);
-  const Hdf5Shape shape(space);
-  auto& list = *static_cast<std::vector<std::string>*>(names);
-  if (is_number(H5Tget_class(type))) list_columns(name, shape.rows, shape.columns, list);
-  for (int k = 0; H5Tget_class(type) == H5T_COMPOUND && k < H5Tget_nmembers(type); ++k) {
-    char* const member = H5Tget_member_name(type, unsigned(k));
-    if (is_number(H5Tget_member_class(type, unsigned(k)))) list.push_back(fmt::format("{}:{}", name, member));
-    H5free_memory(member);
-  }
-  return 0;
-}
-
-Result<std::vector<std::string>> hdf5_columns(const std::string& file_name) {
-  const Hdf5Id file(open_hdf5(file_name), H5Fclose);
-  std::vector<std::string> names;
-  if (file < 0 || H5Ovisit2(file, H5_INDEX_NAME, H5_ITER_NATIVE, list_hdf5_object, &names, H5O_INFO_BASIC) < 0)
-    return input_error(file_name + ": libhdf5 cannot read this file");
-  return names;
-}
-
-FileKind form_of(std::string_view content) { return recognise_content(content.substr(0, 16)); }
 
 // Leaves out rows with numbers that are not finite, or returns the first as an error.
 Result<NumberTable> checked(NumberTable table, const std::string& file_name, const std::vector<WantedColumn>& wanted,

@@ -324,8 +324,7 @@ Status check_applicable(const ParameterFile& file, const std::string& file_name,
   const auto refuse = [&](const std::string& key, const std::string& value, const std::string& expected) {
     return input_error("{}: key '{}' = '{}': expected {}, as in the recording", file_name, key, value, expected);
   };
-  if (file.unit_serial != info.unit_serial)
-    return refuse("unit_serial", file.unit_serial, "'" + info.unit_serial + "'");
+  if (file.unit_serial != info.unit_serial) return refuse("unit_serial", file.unit_serial, quoted(info.unit_serial));
   if (!same_sample_period(file.sample_period_s, info.sample_period_s))
     return refuse("sample_period_s", format_number(file.sample_period_s), format_number(info.sample_period_s));
   if (file.gyro_increment != info.gyro_increment)

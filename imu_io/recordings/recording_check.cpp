@@ -43,12 +43,8 @@ void read_increments(KeyValueFile& file, IncrementKind& gyro, IncrementKind& acc
       file.one_of("accel_increment", {"pulses", "mps"}) == "pulses" ? IncrementKind::pulses : IncrementKind::physical;
 }
 
-const InertialUnit* read_unit(KeyValueFile& file, const std::string& key, const std::vector<std::string_view>& names) {
-  const std::string name = file.text(key);
-  if (std::ranges::find(names, name) == names.end()) {
-    file.reject(key, fmt::format("one of {}", fmt::join(names, ", ")));
-    return nullptr;
-  }
+const InertialUnit* read_unit(KeyValueFile& file, const std::string& key, const std::vector<std::string>& names) {
+  const std::string name = file.one_of(key, names);
   const auto unit = std::find_if(std::begin(inertial_units), std::end(inertial_units),
                                  [&](const InertialUnit& u) { return u.name == name; });
   return unit == std::end(inertial_units) ? nullptr : unit;

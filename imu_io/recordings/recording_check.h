@@ -37,7 +37,7 @@ struct InertialUnit {
   bool is_rate;
 };
 // Reads a required unit. Returns null for a word that is not in `names`, which is a defect, and for one that is no unit ("pulses").
-const InertialUnit* read_unit(KeyValueFile& file, const std::string& key, const std::vector<std::string_view>& names);
+const InertialUnit* read_unit(KeyValueFile& file, const std::string& key, const std::vector<std::string>& names);
 
 // Reads three numbers, or one that stands for all three. `expected` is the message for anything else, also below.
 std::array<double, 3> one_or_three(KeyValueFile& file, const std::string& key, double otherwise, const char* expected);

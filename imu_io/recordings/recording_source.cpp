@@ -14,6 +14,7 @@
 #include "imu_io/base/bytes.h"
 #include "imu_io/base/file_kind.h"
 #include "imu_io/base/files.h"
+#include "imu_io/base/text.h"
 #include "imu_io/recordings/binary_layout.h"
 #include "imu_io/recordings/recording_text.h"
 #include "imu_io/recordings/recording_writer.h"
@@ -54,7 +55,8 @@ std::string hash_of_text(std::string_view text) { return hash_as_hex(XXH3_128bit
 
 Result<std::unique_ptr<RecordingSource>> RecordingSource::open(const std::string& path) {
   struct stat facts {};
-  if (::stat(path.c_str(), &facts) != 0) return input_error(path + ": cannot open: " + std::strerror(errno));
+  if (::stat(path.c_str(), &facts) != 0)
+    return input_error(path + ": cannot open: " + std::strerror(errno) + file_meant(path));
   TRY(expect_file(path, FileKind::recording));
   if (!S_ISDIR(facts.st_mode)) return open_binary_recording(path);
   const std::string binary = path + "/" + binary_recording_name;
@@ -72,6 +74,17 @@ void RecordingSource::set_aside(const Segment& rest) {
       segment.kind = SegmentKind::rotate;
   set_aside_.push_back(rest);
   hash_.clear();
+}
+
+Status RecordingSource::read_to_use(const Sink& sink) {
+  std::int64_t bad = 0, all = 0;
+  TRY(read([&](std::span<const ImuSample> samples) {
+    for (const ImuSample& sample : samples) bad += sample.flags & sample_flag_invalid;
+    all += std::ssize(samples);
+    return sink(samples);
+  }));
+  return bad == 0 || bad < all ? Status()
+                               : Status(input_error(path_ + ": all samples are flagged as bad: expected some to use"));
 }
 
 Status RecordingSource::read(const Sink& sink) {
@@ -103,10 +116,11 @@ std::string describe(const RecordingDamage& damage) {
   std::string text;
   const auto say = [&](const std::string& what) { text += (text.empty() ? "" : ", ") + what; };
   if (damage.records_dropped > 0 || damage.bytes_dropped > 0)
-    say(fmt::format("{} damaged records dropped ({} bytes{})", damage.records_dropped, damage.bytes_dropped,
-                    damage.samples_dropped > 0 ? fmt::format(", {} samples", damage.samples_dropped) : ""));
+    say(fmt::format("{} dropped ({}{})", counted(damage.records_dropped, "damaged record"),
+                    counted(damage.bytes_dropped, "byte"),
+                    damage.samples_dropped > 0 ? ", " + counted(damage.samples_dropped, "sample") : ""));
   if (!damage.complete) say("no end mark: the capture was interrupted");
-  if (damage.torn_tail_bytes > 0) say(fmt::format("torn tail of {} bytes ignored", damage.torn_tail_bytes));
+  if (damage.torn_tail_bytes > 0) say("torn tail of " + counted(damage.torn_tail_bytes, "byte") + " ignored");
   return text;
 }
 

@@ -48,6 +48,7 @@ class RecordingSource {
 
   // Passes blocks, never empty, to the sink. They are valid only during the call.
   Status read(const Sink& sink);
+  Status read_to_use(const Sink& sink);  // the same, but an error at the end when every sample is flagged as bad
 
   // Excludes a rest from use while this object lives: its segment becomes rotate, and its samples get sample_flag_set_aside.
   void set_aside(const Segment& rest);

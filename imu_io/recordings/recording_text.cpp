@@ -44,7 +44,7 @@ class CsvRow {
   std::string where() const { return at_line(file_, line_); }
   Status check_count() const {  // as many cells as names
     if (cells_.size() == names_.size()) return {};
-    return input_error("{}: {} columns: expected {}", where(), cells_.size(), names_.size());
+    return input_error("{}: {}: expected {}", where(), counted(std::ssize(cells_), "column"), names_.size());
   }
   Error defect(std::size_t column, std::string_view expected) const {
     return input_error("{}: column {} = {}: expected {}", where(), names_[column], quoted(cells_[column]), expected);

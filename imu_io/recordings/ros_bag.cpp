@@ -141,10 +141,9 @@ class Collector {
     return {};
   }
   Status damaged_at(std::uint64_t byte, const std::string& what) {
-    const std::string way_out =
-        skip_bad_ || stamps_.empty()
-            ? ""
-            : fmt::format("; {} messages came before: --skip-bad-rows takes what is whole", stamps_.size());
+    const std::string way_out = skip_bad_ || stamps_.empty() ? ""
+                                                             : "; " + counted(std::ssize(stamps_), "message") +
+                                                                   " came before: --skip-bad-rows takes what is whole";
     return damaged(fmt::format("byte {}: {}{}", byte, what, way_out));
   }
 
@@ -208,10 +207,9 @@ class Collector {
     if (!std::ranges::is_sorted(result_.recording_times ? recorded_ : stamps_))
       std::ranges::stable_sort(order, {}, [&](std::size_t row) { return recorded_[row]; });
     const auto unset = std::ranges::count(stamps_, 0);
-    const bool from_zero =
-        unset == 1 && stamps_[order.front()] == 0 && stamps_.size() > 1 && stamps_[order[1]] < minute;
+    const bool at_zero = unset == 1 && stamps_[order.front()] == 0 && stamps_.size() > 1 && stamps_[order[1]] < minute;
     for (const std::size_t row : order)
-      if (stamps_[row] != 0 || result_.recording_times || from_zero)
+      if (stamps_[row] != 0 || result_.recording_times || at_zero)
         kept.push_back(row);
       else
         TRY(damaged(fmt::format("message {} of {}: header.stamp is 0, as of {} of {} messages: expected a time",
@@ -256,16 +254,19 @@ class Collector {
   }
 
   Status check_unit() const {
-    std::vector<std::string> list;
+    std::vector<std::string> list, names;
+    for (const Topic* unit : units_) names.push_back(unit->name);
     for (const auto& [name, topic] : topics_)
       if (list.size() < 30)
-        list.push_back(fmt::format("{} ({}, {} messages)", quoted(name), quoted(topic.type), topic.messages));
+        list.push_back(
+            fmt::format("{} ({}, {})", quoted(name), quoted(topic.type), counted(topic.messages, "message")));
     const std::string topics =
         fmt::format("it has {}", list.empty() ? "no topics" : fmt::format("{}", fmt::join(list, ", ")));
     const auto refuse = [&](const std::string& what) { return input_error(path_ + ": " + what); };
     const auto spoken = std::ranges::count_if(units_, [](const Topic* unit) { return unit->messages > 0; });
     if (!wanted_.empty() && std::ranges::find(units_, wanted_, &Topic::name) == units_.end())
-      return refuse(fmt::format("no topic {} of type sensor_msgs/msg/Imu: {}", quoted(wanted_), topics));
+      return refuse(fmt::format("no topic {} of type sensor_msgs/msg/Imu: {}{}", quoted(wanted_), topics,
+                                did_you_mean(wanted_, names)));
     if (wanted_.empty() && spoken > 1) return refuse("several units: expected --topic with the name of one: " + topics);
     if (unit_ == nullptr)
       return refuse("no message of type sensor_msgs/msg/Imu in an encoding that is read here (cdr, ros1): " + topics);
@@ -590,8 +591,7 @@ class Rosbag2Reader {
   Status take(Topic& topic, std::int64_t recorded_ns, ByteSpan data) {
     constexpr std::string_view zstd_magic = "\x28\xB5\x2F\xFD";
     if (!text_of(data).starts_with(zstd_magic)) return collector_.take(topic, recorded_ns, data);
-    const std::optional<ByteSpan> message =
-        decompress_("zstd", data, ZSTD_getFrameContentSize(data.data(), data.size()));
+    const auto message = decompress_("zstd", data, ZSTD_getFrameContentSize(data.data(), data.size()));
     return message ? collector_.take(topic, recorded_ns, *message)
                    : collector_.damaged("a message of topic " + quoted(topic.name) + " does not decompress");
   }

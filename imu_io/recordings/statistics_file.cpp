@@ -78,8 +78,7 @@ Result<std::vector<std::byte>> format_statistics(const StatisticsFile& s) {
       append_correlation(out, double(u.Q(a, b)) / std::sqrt(double(u.Q(a, a)) * double(u.Q(b, b))));
     }
   for (const Eigen::Index k : seen)
-    for (Eigen::Index row = 0; row < parameter_count; ++row)
-      if (parameter_is_free[std::size_t(row)]) append_short(out, u.moves(row, k));
+    for (const int row : free_parameters()) append_short(out, u.moves(row, k));
   append_bytes(out, crc32c(std::span<const std::byte>(out)));
   return out;
 }
@@ -129,8 +128,7 @@ Result<StatisticsFile> parse_statistics(std::span<const std::byte> bytes, const 
           float(get_correlation(reader) * std::sqrt(diagonal[row] * diagonal[column]));
   u.moves = Eigen::MatrixXf::Zero(parameter_count, columns);
   for (Eigen::Index column = 0; column < columns; ++column)
-    for (Eigen::Index row = 0; row < parameter_count; ++row)
-      if (parameter_is_free[std::size_t(row)]) u.moves(row, column) = get_short(reader);
+    for (const int row : free_parameters()) u.moves(row, column) = get_short(reader);
   finite = finite && u.moves.allFinite();
   if (!reader.at_end()) return input_error(file_name + ": expected the end after the last number");
   if (!finite) return input_error(file_name + ": a number that is not finite");

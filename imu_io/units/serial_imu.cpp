@@ -236,9 +236,10 @@ void SerialImu::count_line_errors(double now_s) {
 
 std::string SerialImu::summary() const {
   const ImuLinkCounters link = decoder_.counters();
-  std::string text = fmt::format(
-      "{} samples, {} lost, {} duplicates, {} strays, {} flagged, {} bad frames, {} resyncs; ", link.samples,
-      link.lost_samples, link.duplicates, decoder_.strays(), decoder_.invalid(), link.bad_frames, link.resyncs);
+  std::string text =
+      fmt::format("{}, {} lost, {}, {}, {} flagged, {}, {}; ", counted(link.samples, "sample"), link.lost_samples,
+                  counted(link.duplicates, "duplicate"), counted(decoder_.strays(), "stray"), decoder_.invalid(),
+                  counted(link.bad_frames, "bad frame"), counted(link.resyncs, "resync"));
   text += line_at_open_ ? fmt::format("line errors: {} overrun, {} framing, {} parity", line_errors_.overrun,
                                       line_errors_.framing, line_errors_.parity)
                         : "line errors not counted by the port";
@@ -256,7 +257,7 @@ Status SerialImu::judge_arrivals() const {
   if (!estimate || estimate->span_s < skew_judged_after_s) return {};
   if (std::abs(estimate->skew) > gross_skew) {
     return device_error(fmt::format("samples come every {} s, the frame description says every {} s",
-                                    format_number(frame_.sample_period_s * (1.0 + estimate->skew)),
+                                    significant(frame_.sample_period_s * (1.0 + estimate->skew), 7),
                                     format_number(frame_.sample_period_s)));
   }
   TRY(judge_clock(fit_, settings_.clock_max_ppm));
@@ -299,6 +300,8 @@ Result<SerialImuConfig> read_serial_imu_config(KeyValueFile& file) {
         "imu.device",
         "a serial device such as /dev/serial/by-id/..., tcp:HOST:PORT, udp:PORT, udp:ADDRESS:PORT or udp_to:HOST:PORT");
   std::string name = file.text("imu.frame");
+  const bool is_file = name.find('/') != std::string::npos || name.ends_with(".frame");
+  if (is_file) name = file.file_named("imu.frame");
   KeyTable keys(file);
   keys.text("imu.unit_serial", config.settings.unit_serial);
   keys.flag("imu.simulated", config.settings.simulated);
@@ -307,8 +310,6 @@ Result<SerialImuConfig> read_serial_imu_config(KeyValueFile& file) {
   if (config.settings.speedup != 1.0 && !config.settings.simulated)
     file.reject("imu.speedup", "1 unless imu.simulated is true");
   TRY(file.status());
-  const bool is_file = name.find('/') != std::string::npos || name.ends_with(".frame");
-  if (is_file && !name.starts_with('/')) name = folder_of(file.file_name()) + "/" + name;
   auto frame = find_frame(name);
   if (!frame && !is_file) file.reject("imu.frame", "a built-in frame or a file: " + frame.error().message);
   TRY(file.status());

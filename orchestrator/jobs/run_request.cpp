@@ -239,32 +239,31 @@ std::vector<std::string> no_real_devices(const StationConfig& station) {
   std::map<std::string, std::string> taken;  // key of each lock taken
   for (const auto& [key, line] : device_lines(station)) {
     if (line.find("SET-ME") != std::string::npos) {
-      why.push_back(fmt::format("{} = {}: expected the name of this station's line", key, turncal::quoted(line)));
+      why.push_back(station.keys.error_at(key, "the name of this station's line").message);
       continue;
     }
     const auto [at, is_first] = taken.emplace(lock_path_of(line), key);
-    if (!is_first)
-      why.push_back(fmt::format("{} = {}: is the line of {}, too: expected one of its own", key, turncal::quoted(line),
-                                at->second));
+    if (!is_first) why.push_back(station.keys.error_at(key, "a line of its own, not that of " + at->second).message);
   }
+  const std::string whose = (station.file.empty() ? "station '" + station.name + "'" : station.file) + ": ";
   if (station.chamber && station.chamber->described.language == ChamberDescription::Language::rig)
     why.push_back(station.chamber->described.file +
                   ": link.kind = rig: expected a chamber on a line, or --dry-run to rehearse");
   const bool mock = station.table.driver == TableDriver::mock, rig = !station.imu;
   if (mock && rig)
-    why.emplace_back(
+    why.push_back(
+        whose +
         "only mock devices (table.driver = mock, imu.driver = rig): nothing real would move; turncal run --dry-run "
         "rehearses");
   else if (mock || rig)
-    why.push_back(fmt::format("a mock {}: expected table and unit both real, or --dry-run to rehearse",
+    why.push_back(fmt::format("{}a mock {}: expected table and unit both real, or --dry-run to rehearse", whose,
                               mock ? "table (table.driver = mock)" : "unit (imu.driver = rig)"));
   return why;
 }
 
 Status check_real_devices(const StationConfig& station) {
   const std::vector<std::string> why = no_real_devices(station);
-  if (why.empty()) return {};
-  return input_error("{}: {}", station.file.empty() ? "station '" + station.name + "'" : station.file, why.front());
+  return why.empty() ? Status() : Status(input_error(why.front()));
 }
 
 Result<int> append_north_seeking(const StationConfig& station, Sequence& sequence) {

@@ -71,7 +71,7 @@ Status read_table(KeyValueFile& file, TableConfig& table) {
   keys.number("table.answer_timeout_s", manual.answer_timeout_s, between(1.0, 86400.0));
   keys.number("table.pause_limit_s", manual.pause_limit_s, between(1.0, 86400.0));
   manual.language = file.one_of_or("operator.language", manual.language,
-                                   {operator_languages[0], operator_languages[1], operator_languages[2]});
+                                   {std::begin(operator_languages), std::end(operator_languages)});
   if (driver == "mock" || driver.empty()) return {};
   keys.flag("table.simulated", table.simulated);
   if (driver == "manual") {
@@ -82,7 +82,7 @@ Status read_table(KeyValueFile& file, TableConfig& table) {
   keys.text("table.address", address);
   const bool modbus = driver == "modbus";
   table.driver = modbus ? TableDriver::modbus : TableDriver::serial;
-  const std::string described = modbus ? "table.map" : "table.dialect", path = file.text(described);
+  const std::string described = modbus ? "table.map" : "table.dialect", path = file.file_named(described);
   if (path.empty()) return {};
   const auto take = [&](auto& description) {
     if (!address.empty()) description.link.address = address;
@@ -90,18 +90,18 @@ Status read_table(KeyValueFile& file, TableConfig& table) {
     description.simulated = table.simulated;
   };
   if (modbus)
-    take(table.map.emplace(TRY(read_register_map(file.beside(path)))));
+    take(table.map.emplace(TRY(read_register_map(path))));
   else
-    take(table.dialect.emplace(TRY(read_dialect(file.beside(path)))));
+    take(table.dialect.emplace(TRY(read_dialect(path))));
   return {};
 }
 
 Status read_chamber_keys(KeyValueFile& file, StationConfig& station) {
   if (!file.has("chamber.file")) return {};  // any other chamber key is then an unknown key
   ChamberConfig& chamber = station.chamber.emplace();
-  const std::string path = file.text("chamber.file");
+  const std::string path = file.file_named("chamber.file");
   if (path.empty()) return {};
-  chamber.described = TRY(read_chamber(file.beside(path)));
+  chamber.described = TRY(read_chamber(path));
   KeyTable keys(file);
   std::string address;
   keys.text("chamber.address", address);
@@ -304,13 +304,12 @@ Result<StationConfig> station_from(KeyValueFile& file) {
   if (!station.table_calibration_due.empty() && !parse_utc(station.table_calibration_due + "T00:00:00Z"))
     file.reject("table.calibration_due", "a day of the calendar, as 2026-12-31");
   const auto path_of = [&file](const char* key) { return file.has(key) ? file.beside(file.text(key)) : std::string(); };
-  station.rig_file = path_of("rig.file");
+  if (file.has("rig.file")) station.rig_file = file.file_named("rig.file");
   station.database = path_of("record.database");
   station.outbox = path_of("record.outbox");
   if (const std::string server = file.text_or("record.database", ""); names_a_server(server)) {
     station.database = server;
-    if (Status s = check_database_name(server); !s)
-      return input_error(station.file + ": record.database: " + s.error().message);
+    if (Status s = check_database_name(server); !s) file.reject("record.database", s.error().message);
     if (station.outbox.empty()) station.outbox = station.file + ".outbox.db";
   } else if (!station.outbox.empty()) {
     file.reject("record.outbox", "with a server only: record.database = postgresql://USER@HOST/NAME");
@@ -322,6 +321,7 @@ Result<StationConfig> station_from(KeyValueFile& file) {
   reject_table_contradictions(file, station);
   reject_clock_contradictions(file, station);
   TRY(file.status());
+  station.keys = file;
   return station;
 }
 

@@ -101,7 +101,8 @@ struct Parties {
 };
 
 struct StationConfig {
-  std::string file;  // empty: built in
+  std::string file;   // empty: built in
+  KeyValueFile keys;  // of that file, for messages
   std::string name = "built-in rig";
   double latitude_deg = 0.0;
   double gravity_mps2 = 0.0;

@@ -244,7 +244,7 @@ TEST(ClosedFormInput, SamplesLostInARotationAreNamed) {
   const std::int64_t sample = middle(10, SegmentKind::rotate, 1);  // the first one positions
   const CompressedRecording r = record_on_rig(short_steps(), losing(sample, 7)).recording;
   ASSERT_EQ(r.events.size(), 1u);
-  expect_says(message_of(r), {"step 10: 7 samples are missing near sample", "in a rotation: the angle turned is lost"});
+  expect_says(message_of(r), {"step 10: 7 samples missing near sample", "in a rotation: the angle turned is lost"});
 }
 
 TEST(ClosedFormInput, SamplesLostAtRestAreBridged) {

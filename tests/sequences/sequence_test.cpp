@@ -172,10 +172,10 @@ TEST(BadSequences, AreRefusedAsTheirTableSays) {
 }
 
 TEST(BadSequences, UnreadableFilesAreNamed) {
-  EXPECT_ERROR(
-      read_sequence(folder + "no_such_file.seq"),
-      folder +
-          "no_such_file.seq: there is no such file, and no sequence of turncal has this name: expected a sequence");
+  EXPECT_ERROR(read_sequence(folder + "../../../sequences/fourteen_stp.seq"),
+               folder +
+                   "../../../sequences/fourteen_stp.seq: there is no such file, and no sequence of turncal has "
+                   "this name: expected a sequence; did you mean 'fourteen_step.seq'?");
   EXPECT_ERROR(read_sequence(folder), folder + ": not a regular file");
   EXPECT_ERROR(read_sequence("/dev/zero"), "/dev/zero: not a regular file");
   const std::string large = testing::TempDir() + "turncal_large.seq";

@@ -249,9 +249,7 @@ void read_status(KeyValueFile& file, DialectStatus& status) {
       if (name == "none") continue;
       const auto bit = enum_from<DriveBit>(name);
       if (!bit) {
-        file.reject(key,
-                    "none, or some of enabled, in_position, fault, moving, homed, limit_positive, limit_negative, "
-                    "emergency_stop, remote");
+        file.reject(key, "none, or some of " + one_of(name, words_of<DriveBit>()));
         return flags;
       }
       flags.push_back(*bit);

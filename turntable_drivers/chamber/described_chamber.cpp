@@ -38,7 +38,7 @@ RegisterField register_field(KeyValueFile& file, const std::string& key) {
   const auto address = words.size() == 2 ? parse_whole<int>(words[0]) : std::nullopt;
   const auto type = words.size() == 2 ? enum_from<WordType>(words[1]) : std::nullopt;
   const bool good = address && type && *address >= 0 && *address + register_count(*type) <= 65536;
-  if (!good && !text.empty()) file.reject(key, "ADDRESS TYPE, the type one of u16 s16 u32 s32 f32 f64");
+  if (!good && !text.empty()) file.reject(key, "ADDRESS TYPE, the type " + one_of(words.back(), words_of<WordType>()));
   return good ? RegisterField{*address, *type} : RegisterField{};
 }
 

@@ -145,8 +145,7 @@ void read_status_block(KeyValueFile& file, RegisterMap& map) {
       RegisterField result;
       result.address = int(hex_or_decimal(file, key(prefix + ".address"), 0, 65535));
       result.type =
-          enum_from<WordType>(file.one_of_or(prefix + ".type", "s32", {"u16", "s16", "u32", "s32", "f32", "f64"}))
-              .value_or(WordType::s32);
+          enum_from<WordType>(file.one_of_or(prefix + ".type", "s32", words_of<WordType>())).value_or(WordType::s32);
       inside(key(prefix + ".address"), result.address, register_count(result.type));
       return result;
     };

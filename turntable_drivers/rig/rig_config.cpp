@@ -18,7 +18,7 @@ constexpr NumberRange zero_or_more{0.0, largest};
 constexpr double last_utc_s = 253402300799.0;  // the end of the year 9999
 constexpr std::int64_t most_counter = max_counter / 2;
 
-const std::initializer_list<std::string_view> table_axes = {"heading", "pitch", "roll"};  // in the order of Axis
+const std::vector<std::string> table_axes = {"heading", "pitch", "roll"};  // in the order of Axis
 
 void read_sensor_axis(KeyTable& keys, const std::string& key, int& axis) { keys.chosen(key, axis, {"x", "y", "z"}); }
 
@@ -138,8 +138,11 @@ void read_outside(KeyTable& keys, RigOutsideEffects& outside) {
 // Asks only for the keys that apply to the kind of fault, so that others are reported as unknown.
 void read_fault(KeyValueFile& file, const std::string& prefix, RigFault& fault) {
   KeyTable keys(file, any_size);
-  const std::optional<RigFaultKind> named = enum_from<RigFaultKind>(file.text(prefix + "kind"));
-  if (!named) return file.reject(prefix + "kind", "a kind of fault of docs/rig.md, such as lost_sample");
+  const std::string word = file.text(prefix + "kind");
+  const std::optional<RigFaultKind> named = enum_from<RigFaultKind>(word);
+  if (!named)
+    return file.reject(prefix + "kind",
+                       "a kind of fault of docs/rig.md" + did_you_mean(word, words_of<RigFaultKind>()));
   using enum RigFaultKind;
   const RigFaultKind kind = fault.kind = *named;
   const auto is_any = [kind](std::initializer_list<RigFaultKind> kinds) {

@@ -58,6 +58,9 @@ TEST(ClosestWord, OnlyACloseWordIsMeant) {
   EXPECT_EQ(did_you_mean("calbirate", known), "; did you mean 'calibrate'?");
   EXPECT_EQ(did_you_mean("certifciat", known), "; did you mean 'certificate'?");
   EXPECT_EQ(did_you_mean("prun", {"run", "prune"}), "; did you mean 'prune'?") << "the first letter is seldom wrong";
+  EXPECT_EQ(did_you_mean("clsed", {"joint", "closed-form"}), "; did you mean 'closed-form'?");
+  EXPECT_EQ(one_of("resum", known), "calibrate, certificate, run or resume; did you mean 'resume'?");
+  EXPECT_EQ(did_you_mean("run", {"run"}), "") << "it was typed right";
   EXPECT_EQ(did_you_mean("walk", known), "");
   EXPECT_EQ(did_you_mean("xy", known), "");
   EXPECT_EQ(did_you_mean("", known), "");

@@ -69,11 +69,11 @@ TEST(KeyValue, ABadValueIsOneLine) {
       {"0", [](File& f) { f.integer("k", 1, 9); }, "a whole number between 1 and 9"},
       {"0", [](File& f) { f.integer("k", 1); }, "a whole number >= 1"},
       {"yes", [](File& f) { f.boolean_or("k", true); }, "true or false"},
-      {"tcp",
+      {"tpc",
        [](File& f) {
-         f.one_of("k", {"a", "b", "c"});
+         f.one_of("k", {"a", "tcp", "c"});
        },
-       "a, b or c"},
+       "a, tcp or c; did you mean 'tcp'?"},
       {"1, 2", [](File& f) { EXPECT_EQ(f.numbers("k", 3).size(), 3U); },
        "3 numbers separated by commas, each a number"},
       {"1, -2", [](File& f) { f.numbers("k", 0, positive); }, "numbers separated by commas, each a number > 0"},
@@ -158,6 +158,10 @@ TEST(KeyValue, FilesThatCannotBeRead) {
   TemporaryFolder folder;
   const std::string missing = folder / "no.conf";
   EXPECT_ERROR(KeyValueFile::read(missing), missing + ": cannot open: No such file or directory");
+  auto named = parsed("a = 1\nf = nofile\n");
+  EXPECT_EQ(named.file_named("f"), "");
+  EXPECT_ERROR(named.status(),
+               "a.conf:2: key 'f' = 'nofile': expected a file: nofile: cannot open: No such file or directory");
   EXPECT_ERROR(KeyValueFile::read(folder.path()), folder.path() + ": not a regular file");
   write_file(folder / "empty.conf", "");
   EXPECT_ERROR(KeyValueFile::read(folder / "empty.conf"),
