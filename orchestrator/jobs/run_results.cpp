@@ -124,10 +124,14 @@ Status verify_unit(Making& m) {
   if (!report && !own) return Error{ErrorKind::unit_failed, report.error().message};
   if (!report) {                                                            // the calibration is kept
     const bool not_judged = report.error().kind == ErrorKind::unit_failed;  // too many samples were lost
-    judge_verification(not_judged ? UnitVerdict::hold : UnitVerdict::fail, report.error().message, unit.verdict);
+    const std::string& why = report.error().message;
+    judge_verification(not_judged ? UnitVerdict::hold : UnitVerdict::fail, why, why, unit.verdict);
     return {};
   }
-  judge_verification(report->verdict, verification_words(*report), unit.verdict);
+  // Whether its own parameters are trusted the unit's verdict says already.
+  const std::string figures = verdict_of_figures(*report) == UnitVerdict::pass ? "" : figures_words(*report);
+  const std::string words = verification_words(*report);
+  judge_verification(report->verdict, words, own ? figures : words, unit.verdict);
   unit.verification = std::move(*report);
   return {};
 }

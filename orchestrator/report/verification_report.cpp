@@ -107,7 +107,18 @@ std::string nearness_words(const VerificationReport& report) {
          (report.trusted ? "" : ", parameters not trusted: " + report.why_not_trusted);
 }
 
-std::string figure_words(const NorthFigure& figure) { return value_with_sigma(figure.value_deg, figure.sigma_deg); }
+std::string words_of(const NorthFigure& figure) { return quantity(figure.value_deg, figure.sigma_deg, "deg"); }
+
+std::string heading_words(const VerificationReport& report) {
+  return fmt::format("largest deviation {}, means differ from the table by {} (rms); limit {:g}",
+                     words_of(report.found.deviation[0]), words_of(report.found.mean_heading),
+                     report.heading_limit_deg);
+}
+
+std::string level_words(const VerificationReport& report) {
+  return fmt::format("largest deviation of roll {}, of pitch {}; limit {:g}", words_of(report.found.deviation[1]),
+                     words_of(report.found.deviation[2]), report.level_limit_deg);
+}
 
 // Adds heading, roll and pitch, degrees. Sigmas of 0 are unknown.
 void add_angles(const std::string& name, const std::array<double, 3>& angles_deg, Table& table,
@@ -197,18 +208,22 @@ Result<VerificationReport> read_verification(const std::string& path) {
   return report;
 }
 
-std::string verification_words(const VerificationReport& report) {
-  std::string words = fmt::format("heading {} deg (mean {}) of {:g}, roll {} and pitch {} of {:g}",
-                                  figure_words(report.found.deviation[0]), figure_words(report.found.mean_heading),
-                                  report.heading_limit_deg, figure_words(report.found.deviation[1]),
-                                  figure_words(report.found.deviation[2]), report.level_limit_deg);
+UnitVerdict verdict_of_figures(const VerificationReport& report) {
+  return std::max({report.heading, report.level, report.latitude, report.gravity});
+}
+
+std::string figures_words(const VerificationReport& report) {
+  std::string words = plain("heading: " + heading_words(report) + "; level: " + level_words(report));
   if (const std::string undecided = undecided_words(report); !undecided.empty()) words += "; " + undecided;
   if (report.latitude == UnitVerdict::fail)
     words += "; latitude " + plain(latitude_words(report.felt, report.info.latitude_deg));
   if (report.gravity == UnitVerdict::fail)
     words += "; gravity " + plain(gravity_words(report.felt, report.info.gravity_mps2));
-  if (!report.trusted) words += "; parameters not trusted: " + report.why_not_trusted;
   return words;
+}
+
+std::string verification_words(const VerificationReport& report) {
+  return figures_words(report) + (report.trusted ? "" : "; parameters not trusted: " + report.why_not_trusted);
 }
 
 Document verification_document(const VerificationReport& report) {
@@ -225,16 +240,8 @@ Document verification_document(const VerificationReport& report) {
   const std::string verdict = in_words(to_string(report.verdict)) + ": " + nearness_words(report);
   document.add(Paragraph{verdict + ".", "verdict " + std::string(to_string(tone_of(report.verdict)))}, Scope::page);
   Facts facts;
-  facts.add("heading", judged(fmt::format("largest deviation {}, means differ from the table by {} (rms); limit {:g}",
-                                          quantity(found.deviation[0].value_deg, found.deviation[0].sigma_deg, "deg"),
-                                          quantity(found.mean_heading.value_deg, found.mean_heading.sigma_deg, "deg"),
-                                          report.heading_limit_deg),
-                              report.heading));
-  facts.add("level", judged(fmt::format("largest deviation of roll {}, of pitch {}; limit {:g}",
-                                        quantity(found.deviation[1].value_deg, found.deviation[1].sigma_deg, "deg"),
-                                        quantity(found.deviation[2].value_deg, found.deviation[2].sigma_deg, "deg"),
-                                        report.level_limit_deg),
-                            report.level));
+  facts.add("heading", judged(heading_words(report), report.heading));
+  facts.add("level", judged(level_words(report), report.level));
   facts.add("", "a tilt common to all readings (an accelerometer bias) is not visible");
   facts.add("latitude", judged(latitude_words(report.felt, report.info.latitude_deg), report.latitude));
   facts.add("gravity", judged(gravity_words(report.felt, report.info.gravity_mps2), report.gravity));
@@ -248,7 +255,7 @@ Document verification_document(const VerificationReport& report) {
   document.add(Heading{2, "readings", "Readings"}, Scope::page);
   if (!report.damage.empty()) document.text(report.damage);
   if (report.filled_samples > 0)
-    document.text(fmt::format("{} samples lost or bad, filled in from their neighbours", report.filled_samples));
+    document.text(counted(report.filled_samples, "sample") + " lost or bad, filled in from their neighbours");
   add_faults(report.faults, document);
   for (const std::string& alignment : report.left_out) document.text("left out: " + alignment);
   document.text(fmt::format(

@@ -43,8 +43,10 @@ std::string format_verification(VerificationReport report);
 Status write_verification(const std::string& path, const VerificationReport& report);
 // Reads what format_verification wrote, to the bit; every key must be there and valid. `info`: only what the file contains.
 Result<VerificationReport> read_verification(const std::string& path);
+UnitVerdict verdict_of_figures(const VerificationReport& report);  // whether or not the parameters are trusted
 // Returns the figures and their limits, for a verdict's reason.
-std::string verification_words(const VerificationReport& report);
+std::string figures_words(const VerificationReport& report);
+std::string verification_words(const VerificationReport& report);  // and why the parameters are not trusted
 std::string latitude_words(const FeltSite& felt, double of_recording_deg);
 std::string gravity_words(const FeltSite& felt, double of_recording_mps2);
 // Adds the defects of the samples that were left out, one line each.

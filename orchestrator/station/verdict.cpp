@@ -104,8 +104,7 @@ VerdictLimits read_limits(KeyValueFile& file) {
     if (limit.min && limit.max && !(*limit.min < *limit.max))
       file.reject(key + ".min", "a number below " + key + ".max (" + format_number(*limit.max) + ")");
   };
-  for (std::size_t i = 0; i < parameter_keys.size(); ++i) {
-    if (!parameter_is_free[i]) continue;  // three are 0 by the choice of the body frame: a limit on them is a mistake
+  for (const int i : free_parameters()) {  // a limit on the others, 0 by the choice of the body frame, is a mistake
     const std::string key = "limit." + parameter_key(i);
     read(key, limits.parameter[i], between(-limit_range.max, limit_range.max));
     keys.number(key + ".sigma_max", limits.sigma_max[i], limit_range);
@@ -172,10 +171,10 @@ void judge_diagnosis(const std::string& diagnosis, const std::string& finding, c
   if (!distrust.empty()) take_in(UnitVerdict::hold, "not trusted: " + distrust, report);
 }
 
-void judge_verification(UnitVerdict found, const std::string& figures, VerdictReport& report) {
-  report.verification = std::string(to_string(found)) + ": " + figures;
+void judge_verification(UnitVerdict found, const std::string& words, const std::string& reason, VerdictReport& report) {
+  report.verification = std::string(to_string(found)) + ": " + words;
   report.verdict = std::max(report.verdict, found);
-  if (found != UnitVerdict::pass) take_in(found, "verification: " + figures, report);
+  if (found != UnitVerdict::pass && !reason.empty()) take_in(found, "verification: " + reason, report);
 }
 
 void add_verdict(const VerdictReport& report, ParameterFile& file) {
@@ -269,8 +268,7 @@ std::vector<std::string> judged_lines(const VerdictReport& report) {
 StopSigmas read_stop_sigmas(KeyValueFile& file) {
   StopSigmas stop{};
   KeyTable keys(file);
-  for (std::size_t i = 0; i < parameter_count; ++i)
-    if (parameter_is_free[i]) keys.number("stop.sigma." + parameter_key(i), stop[i], limit_range);
+  for (const int i : free_parameters()) keys.number("stop.sigma." + parameter_key(i), stop[i], limit_range);
   return stop;
 }
 
@@ -284,12 +282,11 @@ double NeededSigma::ratio() const { return needed > 0.0 ? sigma / needed : infin
 
 std::vector<NeededSigma> needed_sigmas(const ParameterFile& file, const StopSigmas& stop, const VerdictLimits& limits) {
   std::vector<NeededSigma> sigmas;
-  for (std::size_t i = 0; i < parameter_count; ++i) {
-    if (!parameter_is_free[i]) continue;
-    const double value = file.parameters(Eigen::Index(i));
+  for (const int i : free_parameters()) {
+    const double value = file.parameters(i);
     const double needed = std::min({stop[i].value_or(infinite), limits.sigma_max[i].value_or(infinite),
                                     clear_of(limits.parameter[i], limits.guard_factor, value)});
-    if (needed < infinite) sigmas.push_back({i, file.sigma[i].value_or(infinite), needed});
+    if (needed < infinite) sigmas.push_back({std::size_t(i), file.sigma[i].value_or(infinite), needed});
   }
   return sigmas;
 }

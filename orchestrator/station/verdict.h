@@ -100,8 +100,8 @@ VerdictReport judge(const ParameterFile& file, const Limit& temperature_range_c,
 // A file with unreliable sigmas is held, whatever they say; `distrust` says why, and is empty where they are reliable.
 void judge_diagnosis(const std::string& diagnosis, const std::string& finding, const std::string& distrust,
                      const DiagnosisPolicy& policy, VerdictReport& report);
-// Applies a north seeking to the verdict; `figures`: its results and limits, in a few words.
-void judge_verification(UnitVerdict found, const std::string& figures, VerdictReport& report);
+// Applies a north seeking to the verdict; `words`: its results and limits. `reason`: what of them the verdict does not say yet.
+void judge_verification(UnitVerdict found, const std::string& words, const std::string& reason, VerdictReport& report);
 void add_verdict(const VerdictReport& report, ParameterFile& file);
 // Returns what add_verdict wrote for one key, without the value; empty when there is nothing, or not in that form.
 std::optional<JudgedValue> recorded_judgement(const ParameterFile& file, const std::string& key);

@@ -146,8 +146,7 @@ Result<EffectTerms> EffectTerms::of(const ParameterFile& file, const std::string
   const bool by_hand = without_table_angles(source.segments());
   Eigen::VectorXd values;
   const std::vector<EffectColumn> columns = TRY(columns_of(file, file_name, source.info(), !by_hand, values));
-  EffectModel model =
-      make_effect_model(columns, {source.info().latitude_deg}, file.reference_temperature_c.value_or(0.0));
+  auto model = make_effect_model(columns, {source.info().latitude_deg}, file.reference_temperature_c.value_or(0.0));
   model.values = values;
   if (source.segments().empty()) {
     TRY(terms.of_motion_alone(source, file, model));
@@ -393,7 +392,7 @@ Result<IntegratedSamples> integrate_recording(RecordingSource& source, const Str
     }
     return {};
   };
-  Status status = source.read([&](std::span<const ImuSample> block) {
+  Status status = source.read_to_use([&](std::span<const ImuSample> block) {
     if (!first) {
       first = block.front().counter;
       begin = *first + std::llround(stretch.from_s / period_s);

@@ -274,7 +274,7 @@ Result<ReferenceTrack> read_reference(const std::string& path) {
                                                    {.name = "velocity_north_mps", .may_be_missing = true},
                                                    {.name = "velocity_east_mps", .may_be_missing = true}},
                                                   TableFormat{.whole_rows = true}));
-  if (table.rows() < 2) return input_error(path + ": " + std::to_string(table.rows()) + " rows: expected at least two");
+  if (table.rows() < 2) return input_error(path + ": " + counted(table.rows(), "row") + ": expected at least two");
   const auto& c = table.columns;
   const bool with_velocity = !c[4].empty() && !c[5].empty();
   if (c[4].empty() != c[5].empty())

@@ -84,8 +84,7 @@ void judge_north(const VerdictLimits& limits, const NoiseModel& noise, Verificat
   const bool elsewhere = report.felt.speaks_against(report.info.latitude_deg * rad_per_deg);
   report.latitude = elsewhere ? UnitVerdict::fail : UnitVerdict::pass;
   report.gravity = report.felt.weighs_against(report.info.gravity_mps2) ? UnitVerdict::fail : UnitVerdict::pass;
-  report.verdict = std::max({report.heading, report.level, report.latitude, report.gravity,
-                             report.trusted ? UnitVerdict::pass : UnitVerdict::hold});
+  report.verdict = std::max(verdict_of_figures(report), report.trusted ? UnitVerdict::pass : UnitVerdict::hold);
 }
 
 bool is_north_dwell(const Segment& segment, int first_step) {
@@ -174,20 +173,20 @@ Result<VerificationReport> verify_recording(const VerificationRequest& request) 
     const std::span<const MotionInterval> dwell = std::span(intervals).subspan(begin, end - begin);
     shortest_s = std::min(shortest_s, double(dwell.size()) * dwell.front().duration_s);
     rests.insert(rests.end(), dwell.begin(), dwell.end());
-    const Result<NorthReading> reading =
-        reading_of(dwell, segment.heading_deg, site, noise, counts, covariance.covariance);
+    const auto reading = reading_of(dwell, segment.heading_deg, site, noise, counts, covariance.covariance);
     if (!reading) return Error{reading.error().kind, where + reading.error().message};
     (reads ? readings : searches).push_back(*reading);
     if (reads) ++positions.back().second;
   }
   const auto few = std::ranges::find_if(positions, [](const auto& p) { return p.second < 2; });
   if (searches.empty() || few != positions.end())
-    return Error{ErrorKind::unit_failed,
-                 fmt::format("{}: {}{} without lost samples; {}", request.recording, not_judged_words,
-                             searches.empty() ? "no search for the zero"
-                                              : fmt::format("{} alignments at heading {}, expected at least two",
-                                                            few->second, format_number(few->first)),
-                             report.left_out.empty() ? "" : report.left_out.front())};
+    return Error{
+        ErrorKind::unit_failed,
+        fmt::format("{}: {}{} without lost samples; {}", request.recording, not_judged_words,
+                    searches.empty() ? "no search for the zero"
+                                     : fmt::format("{} at heading {}, expected at least two",
+                                                   counted(few->second, "alignment"), format_number(few->first)),
+                    report.left_out.empty() ? "" : report.left_out.front())};
 
   report.info = info;
   report.recording_hash = TRY(source.content_hash());

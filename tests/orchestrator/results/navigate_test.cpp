@@ -67,7 +67,7 @@ TEST_F(Navigate, LostSamplesEndABranch) {
   lose("rest", first + 150000, 1, "one");
   const ProgramResult one = navigate("one");
   ASSERT_EQ(one.code, 0) << one.err;
-  EXPECT_SAYS(one.out, "1 samples lost or bad");
+  EXPECT_SAYS(one.out, "1 sample lost or bad");
   EXPECT_EQ(result("nav/navigation.conf").number("branch.1.free_s"), 1500.0);
   EXPECT_LT(result("nav/navigation.conf").number("drift.rms_nm_per_h"), 0.05);
   // 300 s of alignment and 950 s: more than half of what was asked for.

@@ -109,7 +109,7 @@ TEST_F(Verify, LeavesOutWhatLostSamples) {
   EXPECT_FALSE(conf.has("position.1.3.heading_deg"));
   // One sample is filled in, and said.
   lose("v", middle[3], 1, "one");
-  EXPECT_SAYS(judge("one").out, "1 samples lost or bad");
+  EXPECT_SAYS(judge("one").out, "1 sample lost or bad");
   EXPECT_EQ(result("judged/verification.conf").integer("filled_samples"), 1);
   EXPECT_TRUE(result("judged/verification.conf").has("position.1.3.heading_deg"));
   // So is one that cannot be, and what it gave is said.
@@ -140,8 +140,7 @@ TEST_F(Verify, SaysThatTheRecordingIsDamaged) {
   const ProgramResult judged = run("verify --recording damaged --parameters true.conf --out judged");
   EXPECT_SAYS(judged.out, "1 damaged record");
   EXPECT_SAYS(result("judged/verification.conf").text("damage"), "1 damaged record");
-  const ProgramResult navigated =
-      run("navigate damaged --parameters true.conf --out nav --align 20s --for 20s --branches 1");
+  const auto navigated = run("navigate damaged --parameters true.conf --out nav --align 20s --for 20s --branches 1");
   EXPECT_SAYS(navigated.out, "1 damaged record");
 }
 
