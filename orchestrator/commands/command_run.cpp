@@ -6,7 +6,6 @@
 
 #include <algorithm>
 #include <filesystem>
-#include <functional>
 #include <map>
 
 #include "imu_io/base/console.h"
@@ -20,7 +19,6 @@
 #include "orchestrator/records/parameter_store.h"
 #include "orchestrator/records/unit_queue.h"
 #include "orchestrator/report/diagnosis_file.h"
-#include "orchestrator/service/station_view.h"
 #include "orchestrator/station/child_program.h"
 #include "orchestrator/station/number_text.h"
 #include "orchestrator/watch/progress.h"
@@ -109,12 +107,7 @@ Result<Turn> next_turn(const BatchOptions& options) {
   // The newest run that was begun and is not done comes first: its units are on the table.
   std::vector<std::string> folders = {group_folder(options.out, last_group(options.out))};
   for (const std::string& unit : to_do) folders.push_back(folder_for(options.out, unit, find_outcome(outcomes, unit)));
-  std::erase_if(folders, [](const std::string& folder) { return !path_exists(folder + "/" + journal_name); });
-  std::ranges::sort(folders, std::greater{}, [](const std::string& folder) {
-    std::error_code none;
-    return std::filesystem::last_write_time(folder + "/" + journal_name, none);
-  });
-  for (const std::string& folder : folders) {
+  for (const std::string& folder : runs_newest_first(folders)) {
     const JournalContents journal = TRY(read_journal(folder + "/" + journal_name));
     // A run that is over has told the queue of all its units, unless it was interrupted just then.
     const auto waits = [&, over = is_over(journal)](const std::string& unit) {
@@ -242,8 +235,8 @@ Status run_batch(const BatchOptions& options, CommandContext& context) {
                              unjudged > 0 ? fmt::format("{} without a verdict, ", unjudged) : "", others)
               << std::flush;
   if (others == 0) return {};
-  return Error{ErrorKind::unit_failed, fmt::format("{} of {} units did not pass; see turncal queue {}", others,
-                                                   passed + unjudged + others, options.queue)};
+  return Error{ErrorKind::unit_failed, fmt::format("{} of {} did not pass; see turncal queue {}", others,
+                                                   counted(passed + unjudged + others, "unit"), options.queue)};
 }
 
 struct QueueOptions {

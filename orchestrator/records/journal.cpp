@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <filesystem>
 #include <functional>
 
 #include "imu_io/base/bytes.h"
@@ -84,7 +85,10 @@ CompletedDwell read_dwell(KeyValueFile& file) {
 
 // Returns the number of bytes at the end that are not a record.
 Result<std::uint64_t> scan_file(const std::string& path, const std::function<Status(const Record&)>& take) {
-  TRY(expect_file(folder_of(path), FileKind::recording));  // the run's folder, or whatever path was given for it
+  const std::string folder = folder_of(path);
+  TRY(expect_file(folder, FileKind::recording));  // the run's folder, or whatever path was given for it
+  if (path_exists(folder) && !path_exists(path))
+    return input_error("{}: holds no {}: expected the folder of a run", folder, journal_name);
   PosixFile file = TRY(PosixFile::open_to_read(path));
   const std::uint64_t size = TRY(file.size());
   RecordScanner scanner(file, size, journal_magic);
@@ -359,6 +363,24 @@ Result<DataTable> journal_as_table(const std::string& path) {
   };
   TRY(scan_file(path, take));
   return table;
+}
+
+std::vector<std::string> runs_newest_first(std::vector<std::string> folders) {
+  std::erase_if(folders, [](const std::string& folder) { return !path_exists(folder + "/" + journal_name); });
+  std::ranges::stable_sort(folders, std::greater{}, [](const std::string& folder) {
+    std::error_code none;
+    return std::filesystem::last_write_time(folder + "/" + journal_name, none);
+  });
+  return folders;
+}
+
+std::optional<RunFolder> newest_run(const std::string& runs) {
+  std::vector<std::string> folders = names_in(runs);
+  for (std::string& folder : folders) folder.insert(0, runs + "/");
+  folders = runs_newest_first(std::move(folders));
+  for (const std::string& folder : folders)
+    if (const std::optional<pid_t> process = lock_holder(folder + "/.lock")) return RunFolder{folder, process};
+  return folders.empty() ? std::nullopt : std::optional(RunFolder{folders.front(), std::nullopt});
 }
 
 Status RecordingSink::start(const RecordingInfo& info) {

@@ -122,6 +122,16 @@ Result<std::string> journal_as_text(const std::string& path);
 // Returns a row for each field of each record: record, type, key, value.
 Result<DataTable> journal_as_table(const std::string& path);
 
+// Returns the folders that hold a journal, that with the newest first.
+std::vector<std::string> runs_newest_first(std::vector<std::string> folders);
+
+struct RunFolder {
+  std::string path;
+  std::optional<pid_t> process;  // works on it
+};
+// Returns the run that a process works on, else the one with the newest journal.
+std::optional<RunFolder> newest_run(const std::string& runs);
+
 // A run's recording on disk. It is called `recording.partial.tcr` while it grows, and `recording.tcr` only when it is complete and
 // synced, so that part of a run cannot be taken for a whole one.
 class RecordingSink : public RunSink {

@@ -157,7 +157,7 @@ void show_queue(const std::vector<std::string>& queue, const std::vector<UnitOut
       view.for_a_person.push_back("unit " + unit + ": " + outcome->outcome +
                                   (outcome->reason.empty() ? "" : ": " + outcome->reason));
   }
-  if (looks > shown) view.for_a_person.push_back("and " + std::to_string(looks - shown) + " more units");
+  if (looks > shown) view.for_a_person.push_back("and " + counted(looks - shown, "more unit"));
   view.outcomes = outcomes;
   std::ranges::stable_sort(view.outcomes,
                            [](const UnitOutcome& a, const UnitOutcome& b) { return a.time_utc > b.time_utc; });
@@ -234,24 +234,6 @@ StationView unreadable(const ServedStation& station, const Error& error) {
 }
 
 }  // namespace
-
-std::optional<RunFolder> newest_run(const std::string& runs) {
-  std::optional<RunFolder> newest;
-  fs::file_time_type newest_time;
-  std::error_code error;
-  for (fs::directory_iterator entry(runs, error), end; !error && entry != end; entry.increment(error)) {
-    std::error_code none;
-    const std::string path = entry->path().string();
-    const fs::file_time_type time = fs::last_write_time(path + "/" + journal_name, none);
-    if (none) continue;
-    if (path_exists(path + "/.lock"))
-      if (const std::optional<pid_t> process = lock_holder(path + "/.lock")) return RunFolder{path, process};
-    if (newest && time <= newest_time) continue;
-    newest = RunFolder{path, std::nullopt};
-    newest_time = time;
-  }
-  return newest;
-}
 
 StationView look_at(const ServedStation& station, double now_utc_s) {
   const Result<std::vector<std::string>> queue = read_queue(station.queue);
@@ -513,8 +495,8 @@ Status check(const ServedStation& station, const StationAction& wanted, const St
   if (is("pause") || is("stop"))
     return running(view) ? Status() : Status(input_error("station '" + station.name + "': no run is in progress"));
   if (!is("add") && !is("remove") && !is("again") && !is("mounted"))
-    return input_error("action " + turncal::quoted(wanted.action) +
-                       ": expected add, remove, again, mounted, pause or stop");
+    return input_error("action " + turncal::quoted(wanted.action) + ": expected " +
+                       one_of(wanted.action, {"add", "remove", "again", "mounted", "pause", "stop"}));
   TRY(check_serial(wanted.unit, "unit"));
   if (!is("mounted")) return {};
   if (station.mounted.empty())
@@ -638,12 +620,14 @@ Result<ServiceConfig> read_service_config(const std::string& path) {
     if (std::ranges::any_of(config.stations, same)) file.reject(key, "a name of its own");
     config.stations.push_back(std::move(station));
   }
-  config.password_file = beside(file.text_or("serve.password_file", ""));
+  if (file.has("serve.password_file")) config.password_file = file.file_named("serve.password_file");
   config.database = file.text_or("serve.database", "");
   if (!names_a_server(config.database)) config.database = beside(config.database);
   config.alert.command = file.text_or("alert.command", "");
   if (!config.alert.command.empty()) {
     config.alert.record = beside(file.text("alert.record"));
+    if (const Status s = check_folder_writable(folder_of(config.alert.record)); !s)
+      file.reject("alert.record", "a file in a folder that can be written: " + s.error().message);
     config.alert.time_s = file.number_or("alert.time_s", config.alert.time_s, between(1.0, 3600.0));
     config.alert.least_yield = file.number_if("alert.least_yield", between(0.0, 1.0));
   }

@@ -102,13 +102,6 @@ struct StationView {
 // now_utc_s: this machine's clock.
 StationView look_at(const ServedStation& station, double now_utc_s);
 
-struct RunFolder {
-  std::string path;
-  std::optional<pid_t> process;  // works on it
-};
-// Returns the run that a process works on, else the one with the newest journal.
-std::optional<RunFolder> newest_run(const std::string& runs);
-
 // Returns the folder of a unit's last run: NAME, NAME.2, NAME.3 ...; empty: there is none.
 std::string last_folder(const std::string& runs, const std::string& unit);
 
