@@ -68,6 +68,7 @@ Result<Document> comparison(const Calibrations& all, const std::vector<std::int6
       return input_error("--compare " + std::to_string(ids[i]) + ": expected the id of a calibration in the list");
   }
   const auto& [a, b] = pair;
+  if (a == b) return input_error("--compare: {} twice: expected two calibrations", ids[0]);
   if (a->unit != b->unit)
     return input_error("--compare: {} is of unit '{}', {} of unit '{}': expected two of one unit", ids[0], a->unit,
                        ids[1], b->unit);
@@ -94,13 +95,13 @@ Result<Document> parameter_document(const Calibrations& all, const std::string& 
   if (std::ranges::find(parameter_keys, key) == parameter_keys.end())
     return input_error("--parameter '" + key + "': expected one of the 24 keys, N01 to a33" +
                        did_you_mean(key, {parameter_keys.begin(), parameter_keys.end()}));
-  const ParameterHistory history = parameter_history(all, key);
+  const auto [history, of] = parameter_history(all, key);
   const std::vector<std::size_t>& beyond = history.chart.outside;
   Document document{"", "Parameter " + key};
   Table table{{number("id"), name("unit"), text("time"), number(key), number("sigma"), text("control")}};
   for (std::size_t i = 0; i < history.values.size(); ++i) {
     const bool outside = std::ranges::find(beyond, i) != beyond.end();
-    table.row({count(std::size_t(history.of[i]->id)), name(history.of[i]->unit), text(history.of[i]->time_utc),
+    table.row({count(std::size_t(of[i]->id)), name(of[i]->unit), text(of[i]->time_utc),
                with_sigma(history.values[i], history.sigmas[i].value_or(0.0)), number(history.sigmas[i], 2),
                text(outside ? "outside the control limits" : "")});
   }
@@ -115,7 +116,7 @@ Status print_history(const HistoryOptions& options, Calibrations all, std::ostre
     const std::size_t others =
         std::erase_if(all, [&](const StoredCalibration& c) { return c.simulated != options.simulated; });
     if (all.empty() && others > 0)
-      return input_error("{}: all {} calibrations are of {}", options.database, others,
+      return input_error("{}: {}, of {}", options.database, counted(others, "calibration"),
                          options.simulated ? "real units: expected no --simulated" : "dry runs: expected --simulated");
     TRY(check_one_unit(options, all));
   }
@@ -132,7 +133,7 @@ Status print_history(const HistoryOptions& options, Calibrations all, std::ostre
     if (options.report.empty()) return print(charts);
     TRY(check_replaceable(options.report, "<!DOCTYPE html>"));
     TRY(write_file_atomically(options.report, as_page(charts).html));
-    out << "control charts of " << all.size() << " calibrations in " << options.report << '\n';
+    out << "control charts of " << counted(std::ssize(all), "calibration") << " in " << options.report << '\n';
     return {};
   }
   out << (options.format.empty() ? as_text(calibration_list(all)) : calibrations_table(all).as(options.format))
@@ -187,7 +188,7 @@ Status show_history(const HistoryOptions& options, CommandContext& context) {
   if (!listed) std::erase_if(all, [](const StoredCalibration& c) { return !c.defect.empty(); });
   TRY(print_history(options, std::move(all), out));
   if (damaged.empty()) return {};
-  return input_error(damaged + (more > 0 ? " (and " + std::to_string(more) + " more rows)" : ""));
+  return input_error(damaged + (more > 0 ? " (and " + counted(more, "more row") + ")" : ""));
 }
 
 struct RestoreOptions {
@@ -265,8 +266,8 @@ std::string contents_of(const ResultsDatabase& database) {
   const auto attempts = database.attempts({});
   const auto calibrations = database.list({}, "N01");
   if (!attempts || !calibrations) return "";
-  return fmt::format("{} attempts, {} calibrations, schema {}", attempts->size(), calibrations->size(),
-                     database_version);
+  return counted(std::ssize(*attempts), "attempt") + ", " + counted(std::ssize(*calibrations), "calibration") +
+         fmt::format(", schema {}", database_version);
 }
 
 Status backup(const DatabaseOptions& options, CommandContext& context) {
@@ -293,8 +294,8 @@ Status copy_rows(const DatabaseOptions& options, CommandContext& context) {
   const ResultsDatabase from = TRY(ResultsDatabase::open_to_read(options.database));
   ResultsDatabase to = TRY(ResultsDatabase::open(options.other));
   const CopiedRows copied = TRY(from.copy_to(to));
-  context.out << options.other << ": " << copied.calibrations << " calibrations and " << copied.attempts
-              << " notes of attempts are new\n";
+  context.out << options.other << ": new are " << counted(copied.calibrations, "calibration") << " and "
+              << counted(copied.attempts, "note") << " of attempts\n";
   return {};
 }
 
@@ -398,8 +399,8 @@ Status prune(const PruneOptions& options, CommandContext& context) {
     out << recording.path << "  unit " << recording.unit << ", " << format_utc(recording.sealed_utc_s) << ", "
         << megabytes(size) << '\n';
   }
-  out << gone << " of " << found.size() << " recordings " << (options.list ? "would be removed, " : "removed, ")
-      << megabytes(bytes) << std::endl;
+  out << gone << " of " << counted(std::ssize(found), "recording") << ' '
+      << (options.list ? "would be removed, " : "removed, ") << megabytes(bytes) << std::endl;
   return left;
 }
 

@@ -77,14 +77,15 @@ std::vector<RunSignal> run_signals(std::span<const double> z) {
   return signals;
 }
 
-ParameterHistory parameter_history(const std::vector<StoredCalibration>& all, std::string_view key) {
-  ParameterHistory history;
+ParameterHistory parameter_history(const std::vector<StoredCalibration>& all, const std::string& key) {
+  ParameterHistory found;
+  auto& [history, of] = found;
   history.key = key;
   for (const StoredCalibration& c : all) {
     for (const StoredValue& value : c.values) {
       if (value.key != key) continue;
       history.unit = parameter_unit(key, c.gyro_increment);
-      history.of.push_back(&c);
+      of.push_back(&c);
       history.units.push_back(c.unit);
       history.times.push_back(c.time_utc);
       history.values.push_back(value.value);
@@ -93,14 +94,7 @@ ParameterHistory parameter_history(const std::vector<StoredCalibration>& all, st
     }
   }
   history.chart = control_chart(history.values, history.limit);
-  return history;
-}
-
-std::vector<std::string_view> free_parameter_keys() {
-  std::vector<std::string_view> keys;
-  for (std::size_t i = 0; i < parameter_keys.size(); ++i)
-    if (parameter_is_free[i]) keys.push_back(parameter_keys[i]);
-  return keys;
+  return found;
 }
 
 constexpr std::size_t fewest_for_capability = 5;  // with fewer the interval is too wide to be useful

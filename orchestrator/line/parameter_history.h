@@ -85,13 +85,11 @@ struct ChartedQuantity {
   ControlChart chart;
 };
 
-struct ParameterHistory : ChartedQuantity {
+struct ParameterHistory {
+  ChartedQuantity charted;
   std::vector<const StoredCalibration*> of;  // calibrations with the parameter; point into the given list
 };
 
-ParameterHistory parameter_history(const std::vector<StoredCalibration>& all, std::string_view key);
-
-// Returns the estimated parameters; the others are zero by the choice of the body frame.
-std::vector<std::string_view> free_parameter_keys();
+ParameterHistory parameter_history(const std::vector<StoredCalibration>& all, const std::string& key);
 
 }  // namespace turncal

@@ -39,9 +39,9 @@ std::string head_text(const ShiftReport& report) {
 }
 
 std::string yield_text(const LineYield& yield, double target, bool reached) {
-  std::string text = fmt::format("First pass {}, final yield {}; {} attempt{}, {:.1f} h on the table",
-                                 share(yield.first_pass, true).words, share(yield.final_pass, false).words,
-                                 yield.attempts, yield.attempts == 1 ? "" : "s", yield.hours);
+  std::string text =
+      fmt::format("First pass {}, final yield {}; {}, {:.1f} h on the table", share(yield.first_pass, true).words,
+                  share(yield.final_pass, false).words, counted(yield.attempts, "attempt"), yield.hours);
   if (yield.hours_lost > 0.0) text += fmt::format(", {:.1f} h of them without a good unit", yield.hours_lost);
   if (yield.running > 0) text += fmt::format("; {} still running or never ended", yield.running);
   if (target > 0.0 && yield.first_pass.all > 0)
@@ -60,16 +60,16 @@ std::string signals_text(const ShiftReport& report, std::size_t signals) {
         expected += rule.false_alarm * double(chart.chart.count - rule.stretch + 1);
   }
   return fmt::format(
-      "Signals: {}, at {} points. By chance alone about {:.0f} points would give one: look for several charts or rules "
+      "Signals: {}, at {}. By chance alone about {:.0f} points would give one: look for several charts or rules "
       "that signal at the same time.",
-      signals, points, expected);
+      signals, counted(points, "point"), expected);
 }
 
 // all: total for a last row; null: none.
-Table yield_table(const char* of, std::vector<YieldOf> parts, const LineYield* all) {
+Table yield_table(const char* of, std::vector<YieldOf> parts, const YieldOf* all) {
   Table table{{text(of), number("attempts"), number("units"), number("first pass yield (95 %)"), number("final yield"),
                number("hours"), number("lost"), number("hours per good unit"), number("mean residual")}};
-  if (all != nullptr) parts.push_back({"all", *all});
+  if (all != nullptr) parts.push_back(*all);
   for (const auto& [name, y, residual, calibrated] : parts) {
     const auto good = double(y.final_pass.part);
     table.row({cell::name(name), count(y.attempts), count(y.units), share(y.first_pass, true),
@@ -339,9 +339,9 @@ Table control_table(const std::vector<ChartedQuantity>& quantities) {
 Document shift_document(const ShiftReport& report) {
   Document document{"turncal: shift report of " + report.source, "Shift report"};
   document.soft(head_text(report), Scope::all);
-  const bool reached = report.yield.first_pass.reaches(report.target);
-  const char* const style = !reached ? "unexplained" : report.yield.reasons.empty() ? "clean" : "extended";
-  document.add(Paragraph{yield_text(report.yield, report.target, reached), std::string("verdict ") + style});
+  const bool reached = report.whole.yield.first_pass.reaches(report.target);
+  const char* const style = !reached ? "unexplained" : report.whole.yield.reasons.empty() ? "clean" : "extended";
+  document.add(Paragraph{yield_text(report.whole.yield, report.target, reached), std::string("verdict ") + style});
   if (report.attempts.empty()) {
     document.text("No attempt is on record.");
     if (report.of_the_other_kind > 0)
@@ -351,17 +351,17 @@ Document shift_document(const ShiftReport& report) {
     return document;
   }
   document.section("yield", "Yield and hours");
-  document.add(yield_table("station", report.stations, report.stations.size() == 1 ? nullptr : &report.yield));
+  document.add(yield_table("station", report.stations, report.stations.size() == 1 ? nullptr : &report.whole));
   if (report.periods.size() > 1) {
     document.subsection("Over time");
     document.figure(yield_figure(report));
     document.add(yield_table("period, UTC", report.periods, nullptr));
   }
   document.section("reasons", "Why attempts did not pass");
-  if (report.yield.reasons.empty())
+  if (report.whole.yield.reasons.empty())
     document.text("All judged attempts passed.");
   else
-    document.add(pareto_table(report.yield));
+    document.add(pareto_table(report.whole.yield));
   document.add(Heading{2, "units", "Units, newest first"}, Scope::page);
   document.add(attempt_table(report.attempts, [](const AttemptRecord& a) { return unit_cell(a.unit, a.folder); }),
                Scope::page);
@@ -409,10 +409,11 @@ std::string shift_csv(const ShiftReport& report) {
   const auto value_of = [](const std::optional<Capability>& index) {
     return index ? std::optional(index->value) : std::nullopt;
   };
-  yield("yield", "all", report.yield);
+  yield("yield", "all", report.whole.yield);
   for (const YieldOf& station : report.stations) yield("yield", station.name, station.yield);
   for (const YieldOf& period : report.periods) yield("yield_over_time", period.name, period.yield);
-  for (const LossReason& reason : report.yield.reasons) add("reason", reason.reason, {{"attempts", reason.attempts}});
+  for (const LossReason& reason : report.whole.yield.reasons)
+    add("reason", reason.reason, {{"attempts", reason.attempts}});
   for (const ChartedQuantity& q : report.charts)
     if (const ControlChart& chart = q.chart; chart.count > 0)
       add("chart", q.key,
@@ -462,15 +463,14 @@ void add_control_charts(const std::vector<ChartedQuantity>& quantities, Document
 Document history_document(const std::vector<StoredCalibration>& all, const std::string& source, const RunLink& link) {
   const bool simulated = !all.empty() && all.front().simulated;
   Document document{"turncal: control charts of " + source, "Control charts"};
-  document.soft(fmt::format("{}, {} calibration{}{}", source, all.size(), all.size() == 1 ? "" : "s",
-                            simulated ? " of simulated units" : ""),
+  document.soft(source + ", " + counted(std::ssize(all), "calibration") + (simulated ? " of simulated units" : ""),
                 Scope::all);
   if (all.empty()) {
     document.text("No calibration is on record.");
     return document;
   }
   std::vector<ChartedQuantity> histories;
-  for (const std::string_view key : free_parameter_keys()) histories.push_back(parameter_history(all, key));
+  for (const int k : free_parameters()) histories.push_back(parameter_history(all, parameter_key(k)).charted);
   document.section("control", "Parameters");
   add_control_charts(histories, document);
   document.section("calibrations", "Calibrations");

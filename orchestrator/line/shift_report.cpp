@@ -263,9 +263,8 @@ Result<ShiftReport> shift_report(const ResultsDatabase& database, const std::str
   report.damaged = std::erase_if(calibrations, [](const StoredCalibration& c) { return !c.defect.empty(); });
   report.attempts = std::move(chosen);
   report.calibrations = std::move(calibrations);
-  std::set<std::int64_t> ids;
-  for (const AttemptRecord& attempt : report.attempts) ids.insert(attempt.id);
-  report.yield = line_yield(all, ids);
+  const auto whole = yields_by(all, report.attempts, [](const AttemptRecord&) { return std::string("all"); });
+  if (!whole.empty()) report.whole = whole.front();
   report.stations = yields_by(all, report.attempts, [](const AttemptRecord& attempt) { return attempt.station; });
   report.periods = yield_over_time(all, report.attempts);
   report.charts.push_back(charted("residual", report.attempts, [](const AttemptRecord& a) { return a.residual; }));
@@ -273,8 +272,8 @@ Result<ShiftReport> shift_report(const ResultsDatabase& database, const std::str
       charted("temperature", report.attempts, [](const AttemptRecord& a) { return a.temperature_max_c; }));
   report.charts.push_back(
       charted("hours", report.attempts, [](const AttemptRecord& a) { return std::optional(hours_of(a)); }));
-  for (const std::string_view key : free_parameter_keys())
-    report.charts.push_back(parameter_history(report.calibrations, key));
+  for (const int k : free_parameters())
+    report.charts.push_back(parameter_history(report.calibrations, parameter_key(k)).charted);
   report.turn_on = repeatability(report.calibrations, 0.0, turn_on_days);
   report.month = repeatability(report.calibrations, month_from_days, month_to_days);
   report.differences = station_differences(report.calibrations);
@@ -305,16 +304,16 @@ std::optional<double> Repeatability::of_unit() const {
 
 std::vector<Repeatability> repeatability(const std::vector<StoredCalibration>& all, double from_days, double to_days) {
   std::vector<Repeatability> found;
-  for (const std::string_view key : free_parameter_keys()) {
-    const ParameterHistory history = parameter_history(all, key);
-    Repeatability r{.key = std::string(key)};
+  for (const int k : free_parameters()) {
+    const auto [history, of] = parameter_history(all, parameter_key(k));
+    Repeatability r{.key = history.key};
     std::map<std::string, std::size_t> before;  // last calibration by unit and station
     double squares = 0.0, variances = 0.0;
-    for (std::size_t i = 0; i < history.of.size(); ++i) {
-      const StoredCalibration& c = *history.of[i];
+    for (std::size_t i = 0; i < of.size(); ++i) {
+      const StoredCalibration& c = *of[i];
       const auto [last, first] = before.try_emplace(c.unit + "\n" + c.station, i);
       if (first) continue;
-      const StoredCalibration& former = *history.of[last->second];
+      const StoredCalibration& former = *of[last->second];
       const std::optional<double> now_s = parse_utc(c.time_utc), then_s = parse_utc(former.time_utc);
       const double days = now_s && then_s ? (*now_s - *then_s) / day_s : -1.0;
       if (days >= from_days && days <= to_days) {
@@ -339,13 +338,13 @@ std::vector<Repeatability> repeatability(const std::vector<StoredCalibration>& a
 
 std::vector<StationDifference> station_differences(const std::vector<StoredCalibration>& all) {
   std::vector<StationDifference> found;
-  for (const std::string_view key : free_parameter_keys()) {
-    const ParameterHistory history = parameter_history(all, key);
+  for (const int k : free_parameters()) {
+    const auto [history, of] = parameter_history(all, parameter_key(k));
     std::map<std::string, AtStation> stations;
-    for (std::size_t i = 0; i < history.of.size(); ++i) {
-      AtStation& at = stations[history.of[i]->station];
-      at.by_unit[history.of[i]->unit].push_back(history.values[i]);
-      at.days.push_back(parse_utc(history.of[i]->time_utc).value_or(0.0) / day_s);
+    for (std::size_t i = 0; i < of.size(); ++i) {
+      AtStation& at = stations[of[i]->station];
+      at.by_unit[of[i]->unit].push_back(history.values[i]);
+      at.days.push_back(parse_utc(of[i]->time_utc).value_or(0.0) / day_s);
       at.values.push_back(history.values[i]);
     }
     for (auto a = stations.begin(); a != stations.end(); ++a) {
@@ -354,7 +353,7 @@ std::vector<StationDifference> station_differences(const std::vector<StoredCalib
         if (!d) continue;
         d->a = a->first;
         d->b = b->first;
-        d->key = key;
+        d->key = history.key;
         found.push_back(std::move(*d));
       }
     }

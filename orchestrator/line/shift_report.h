@@ -122,7 +122,7 @@ struct ShiftReport {
   std::vector<AttemptRecord> attempts;  // those reported, oldest first
   std::vector<StoredCalibration> calibrations;
   std::size_t damaged = 0;  // rows left out
-  LineYield yield;
+  YieldOf whole;
   std::vector<YieldOf> stations;
   std::vector<YieldOf>
       periods;          // 2026-01-31; hours, 2026-01-31T06, of a single day; months, 2026-01, of more than 31 days
