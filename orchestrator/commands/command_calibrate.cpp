@@ -190,8 +190,8 @@ class CountPrinter {
     const double spent_s = monotonic_s() - began_s_;
     const double worked = double(c.done + c.failed + c.unreadable);
     const double left_s = worked > 0.0 ? spent_s / worked * double(c.entries - c.finished()) : 0.0;
-    std::string line = fmt::format("{} of {} recordings, {} already done, {} failed", c.finished(), c.entries, c.there,
-                                   c.failed + c.unreadable);
+    std::string line = fmt::format("{} of {}, {} already done, {} failed", c.finished(),
+                                   counted(c.entries, "recording"), c.there, c.failed + c.unreadable);
     if (worked > 0.0 && left_s > 0.0)
       line += ", " + format_duration(left_s) + " left, until " + format_utc(wall_utc_s() + left_s);
     if (!c.waiting.empty()) line += "; " + c.waiting;
@@ -258,8 +258,7 @@ Status diagnose(const FleetCommandOptions& options, CommandContext& context) {
   for (const std::string& factor : options.by)
     if (!given.insert(factor).second) return input_error("--by " + factor + ": is given twice");
   const FleetSource source = TRY(read_fleet(options.from, options.by));
-  const FleetDiagnosis diagnosis =
-      diagnose_fleet(source.members, {.factors = options.by, .summary = !options.page.empty()});
+  const auto diagnosis = diagnose_fleet(source.members, {.factors = options.by, .summary = !options.page.empty()});
   const Document document = fleet_document(diagnosis, source, options.by);
   if (!options.page.empty()) {
     TRY(check_replaceable(options.page, "<!DOCTYPE html>"));

@@ -68,7 +68,8 @@ Status choose(const DesignOptions& options, DesignTask& task) {
   if (!options.axes.empty()) task.turns = {};
   for (const std::string& name : options.axes) {
     const auto axis = std::ranges::find_if(all_axes, [&](Axis a) { return name == to_string(a); });
-    if (axis == all_axes.end()) return input_error("--axes " + name + ": expected heading, pitch or roll");
+    if (axis == all_axes.end())
+      return input_error("--axes " + name + ": expected " + one_of(name, {"heading", "pitch", "roll"}));
     task.turns[index(*axis)] = true;
   }
   if (!options.rates.empty()) task.rates_degps.clear();
@@ -113,8 +114,7 @@ std::string name_of(const std::string& file) {
 Status read_aims(const std::string& path, DesignTask& task) {
   KeyValueFile file = TRY(KeyValueFile::read(path));
   task.aim.setZero();
-  for (int k = 0; k < parameter_count; ++k)
-    if (parameter_is_free[std::size_t(k)]) task.aim[k] = file.number_or(parameter_key(k), 0.0, positive);
+  for (const int k : free_parameters()) task.aim[k] = file.number_or(parameter_key(k), 0.0, positive);
   TRY(file.check_all_used());
   if (task.aim.maxCoeff() <= 0.0) return input_error(path + ": expected a line like N01 = 0.003");
   return {};
@@ -319,8 +319,8 @@ class Designer {
       if (now_s - printed_s < 5.0 && progress.done < progress.tries) return true;
       printed_s = now_s;
       const double left_s = (now_s - began_s) / progress.done * (progress.tries - progress.done);
-      says(fmt::format("tried {} of {}  cost {:.4f}  {} legs  {} left", progress.done, progress.tries, progress.cost,
-                       progress.legs, format_duration(left_s)));
+      says(fmt::format("tried {} of {}  cost {:.4f}  {}  {} left", progress.done, progress.tries, progress.cost,
+                       counted(progress.legs, "leg"), format_duration(left_s)));
       return true;
     });
     if (!found) return found.error();

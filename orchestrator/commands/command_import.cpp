@@ -66,8 +66,9 @@ void print_segmentation(const Segmentation& found, const RecordingInfo& info, st
       physical ? "m/s^2" : "pulses");
   if (found.slow_turns > 0)
     out << found.slow_turns << " quiet stretches excluded: their mean rate is that of a slow turn\n";
-  if (found.cut > 0) out << found.cut << " rests cut to where the unit stands still\n";
-  if (found.moving > 0) out << found.moving << " rests excluded: the unit stands still in too little of them\n";
+  if (found.cut > 0) out << counted(found.cut, "rest") << " cut to where the unit stands still\n";
+  if (found.moving > 0)
+    out << counted(found.moving, "rest") << " excluded: the unit stands still in too little of each\n";
   int number = 0;
   out << "rest      from s        to s    length s\n";
   for (const Segment& s : found.segments) {
@@ -102,7 +103,7 @@ Status segment_recording(const SegmentOptions& options, CommandContext& context)
   folder.keep();
   if (const std::string wrong = wrong_units_of(source, found.segments); !wrong.empty())
     context.out << "units: " << wrong << std::endl;
-  context.out << "written to " << folder.path() << ": " << found.segments.size() << " segments" << std::endl;
+  context.out << "written to " << folder.path() << ": " << counted(std::ssize(found.segments), "segment") << std::endl;
   return {};
 }
 
@@ -120,7 +121,8 @@ Status say_of_samples(RecordingSource& source, CommandContext& context) {
     return Status();
   }));
   if (!spikes.empty())
-    context.out << spikes.size() << " samples that no unit can have felt, the first: " << spikes.front() << std::endl;
+    context.out << counted(std::ssize(spikes), "sample") << " that no unit can have felt, the first: " << spikes.front()
+                << std::endl;
   if (const std::string dead = life.without_change(); !dead.empty())
     context.out << dead << ": is it connected?" << std::endl;
   return {};
@@ -155,7 +157,7 @@ Status write_imported(const CsvImport& content, const std::string& out, const st
   folder.keep();
   context.out << "imported into " << folder.path() << ": " << line << std::endl;
   if (content.clipped > 0)
-    context.out << content.clipped << " samples clipped: a gyro repeats its extreme value" << std::endl;
+    context.out << counted(content.clipped, "sample") << " clipped: a gyro repeats its extreme value" << std::endl;
   TRY(say_of_samples(source, context));
   if (content.bad_rows > 0)
     context.out << content.bad_rows << " bad rows skipped, the first: " << content.first_bad << std::endl;
@@ -190,7 +192,7 @@ Status import_frames(const TextOptions& from, CommandContext& context) {
   content.info.latitude_deg = site.latitude_deg;
   content.info.unit_serial = site.unit_serial;
   content.samples = std::move(log.samples);
-  const std::string line = fmt::format("{} samples; {}{}", content.samples.size(), log.summary, assumed_of(from));
+  const std::string line = counted(std::ssize(content.samples), "sample") + "; " + log.summary + assumed_of(from);
   return write_imported(content, from.out, line, "the frame description", context);
 }
 
@@ -223,12 +225,12 @@ Status import_table(const TextOptions& from, CommandContext& context) {
   ColumnSource accel;
   if (!from.accel.empty()) accel = TRY(open_columns(from.accel));
   const CsvImport content = TRY(import_columns(map, source, from.accel.empty() ? nullptr : &accel));
-  std::string line =
-      fmt::format("{} samples of {} rows, mean period {:.6g} ms, jitter {:.3g} ms rms, {} saturated rows, {} gaps",
-                  content.samples.size(), content.rows, 1e3 * content.info.sample_period_s, 1e3 * content.jitter_s,
-                  content.saturated, content.gaps);
+  std::string line = fmt::format("{} of {}, mean period {:.6g} ms, jitter {:.3g} ms rms, {}, {}",
+                                 counted(std::ssize(content.samples), "sample"), counted(content.rows, "row"),
+                                 1e3 * content.info.sample_period_s, 1e3 * content.jitter_s,
+                                 counted(content.saturated, "saturated row"), counted(content.gaps, "gap"));
   if (content.without_accel > 0)
-    line += fmt::format("; {} rows left out, where {} has none", content.without_accel, from.accel);
+    line += fmt::format("; {} left out, where {} has none", counted(content.without_accel, "row"), from.accel);
   for (const std::string& more : {source.note, content.chosen})
     if (!more.empty()) line += "; " + more;
   return write_imported(content, from.out, line + assumed_of(from), "the map", context);
@@ -237,7 +239,8 @@ Status import_table(const TextOptions& from, CommandContext& context) {
 Status say(RecordingSource& source, const char* what, const std::string& out, CommandContext& context) {
   const std::string hash = TRY(source.content_hash());
   if (const std::string damage = describe(source.damage()); !damage.empty()) context.out << damage << '\n';
-  context.out << what << ' ' << out << ": " << source.segments().size() << " segments, content " << hash << std::endl;
+  context.out << what << ' ' << out << ": " << counted(std::ssize(source.segments()), "segment") << ", content " << hash
+              << std::endl;
   return {};
 }
 
@@ -453,7 +456,8 @@ void add_import_command(CommandLine& line) {
                  "gravity of the site, m/s^2; default: the map's, or 9.80665");
   command.option("--latitude", options.latitude_deg, {is::in(-90.0, 90.0)},
                  "latitude of the site, degrees; default: the map's, or 0");
-  command.option("--rate", options.rate_hz, {is::in(0.1, 1e5)}, "samples per second, if there is no time column");
+  command.option("--rate", options.rate_hz, {is::in(sample_rate_hz.min, sample_rate_hz.max)},
+                 "samples per second, if there is no time column");
   command.option("--unit", options.unit, "serial number; default: the map's, or the name of the file");
 }
 

@@ -64,7 +64,7 @@ CLI::Validator word_of(const std::vector<std::string>& values) {
   return CLI::Validator(
       [values](std::string& text) {
         if (std::ranges::find(values, text) != values.end()) return std::string();
-        return fmt::format("'{}': expected {}{}", text, fmt::join(values, ", "), did_you_mean(text, values));
+        return fmt::format("'{}': expected {}", text, one_of(text, values));
       },
       fmt::format("{{{}}}", fmt::join(values, ",")));
 }

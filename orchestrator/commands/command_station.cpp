@@ -80,7 +80,8 @@ Result<RecordingInfo> info_of(const StationConfig& station) {
 
 void print_plan(const Sequence& sequence, const StationConfig& station, const Plan& plan, std::ostream& out) {
   const double period_s = plan.samples > 0 ? plan.station_s / double(plan.samples) : 0.0;
-  out << "Sequence  " << sequence.file << " (" << sequence.name << ", " << sequence.steps.size() << " steps)\n";
+  out << "Sequence  " << sequence.file << " (" << sequence.name << ", " << counted(std::ssize(sequence.steps), "step")
+      << ")\n";
   out << "Station   " << (station.file.empty() ? "built in" : station.file) << " (" << station.name << ")\n";
   const AxisTriple& start_deg = sequence.start_deg;
   out << fmt::format(
@@ -110,7 +111,8 @@ bool is_commissioned(const TableConfig& table) { return !table.described() || ta
 Status check_guesses(const StationConfig& station, bool heating, bool accepted) {
   const std::vector<std::string> guesses = guesses_of(station, !heating, heating);
   if (guesses.empty() || accepted) return {};
-  const std::string more = !heating && guesses.size() > 1 ? fmt::format(", and {} more lines", guesses.size() - 1) : "";
+  const std::string more =
+      !heating && guesses.size() > 1 ? ", and " + counted(std::ssize(guesses) - 1, "more line") : "";
   return input_error(
       "{}{}: it decides what {}: expected a line checked against the {}'s manual, without its [guess], or "
       "--accept-guess (turncal check --explain shows what is sent)",
@@ -317,8 +319,8 @@ std::string unit_text(const Second& second, const RecordingInfo& info, double se
   if (second.samples == 0) return "no samples";
   const double weight = info.accel_increment == IncrementKind::pulses ? info.accel_pulse_mps : 1.0;
   const double per_s = weight / (double(second.samples) * info.sample_period_s);
-  return fmt::format("{:.1f} samples/s, {} gaps ({} lost), {} flagged, |f| {:.4f} m/s^2",
-                     double(second.samples) / seconds, second.gaps, second.lost, second.flagged,
+  return fmt::format("{:.1f} samples/s, {} ({} lost), {} flagged, |f| {:.4f} m/s^2", double(second.samples) / seconds,
+                     counted(second.gaps, "gap"), second.lost, second.flagged,
                      per_s * std::hypot(second.accel[0], second.accel[1], second.accel[2])) +
          (info.has_temperature ? fmt::format(", {:.2f} C", second.temperature_c) : "");
 }
@@ -402,7 +404,7 @@ Status run_twin(const TwinCommandOptions& options, CommandContext& context) {
       StopSignals::requests(), [&context](const std::string& what) { context.out << "[twin] " << what << std::endl; });
   context.out << "[twin] ends at " << fmt::format("{:.3f}", twin->rig_time_s()) << " s of rig time";
   if (twin->batches_dropped() > 0)
-    context.out << "; " << twin->batches_dropped() << " batches of samples were not read in time";
+    context.out << "; not read in time: " << counted(twin->batches_dropped(), "batch") << " of samples";
   context.out << std::endl;
   return status;
 }

@@ -171,7 +171,7 @@ void RigTwin::watch(const std::function<void(const std::string&)>& say) {
     moving = moving || state.moving || state.rate_degps != 0.0;
     angles += fmt::format(", {} {:.4f} deg", to_string(axis), state.position_deg);
   }
-  const std::string when = format_number(group_.now_s()) + " s of rig time" + angles;
+  const std::string when = fmt::format("{:.3f} s of rig time{}", group_.now_s(), angles);
   if (tripped && !tripped_said_) say("watchdog tripped at " + when);
   if (tripped && !moving && !standing_said_) say("at rest after that at " + when);
   tripped_said_ = tripped;

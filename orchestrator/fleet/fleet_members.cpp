@@ -198,8 +198,7 @@ Result<std::vector<EarlierCalibration>> read_history(const PriorSource& source, 
 Status add_prior(const PriorSource& source, const LoadedRecording& recording, const CalibrationRequest& request,
                  CalibrationOutput& output) {
   const std::string& unit = recording.data.info.unit_serial;
-  const std::vector<EarlierCalibration> history =
-      TRY(read_history(source, recording.hash, recording.data.info.simulated));
+  const auto history = TRY(read_history(source, recording.hash, recording.data.info.simulated));
   const std::optional<FleetPrior> prior = fleet_prior(history, unit);
   if (!prior)
     return input_error("{}: expected trusted calibrations of {} other units{}, found {} calibrations", source.from,
@@ -233,14 +232,13 @@ Status add_prior(const PriorSource& source, const LoadedRecording& recording, co
     return {};
   }
   std::string shares = "prior: its share of the information:";
-  for (std::size_t k = 0; k < parameter_keys.size(); ++k) {
-    if (!parameter_is_free[k]) continue;
-    const double share = effect.share[Eigen::Index(k)];
+  for (const int k : free_parameters()) {
+    const double share = effect.share[k];
     file.add_further(fmt::format("quality.prior.share.{}", parameter_keys[k]), share);
     shares += fmt::format(" {} {:.0f} %", parameter_keys[k], 100.0 * share);
   }
-  output.notes.push_back(
-      fmt::format("prior: {} other units, {} earlier calibrations of this one", prior->units, prior->own));
+  output.notes.push_back(fmt::format("prior: {}, {} of this one", counted(prior->units, "other unit"),
+                                     counted(prior->own, "earlier calibration")));
   if (prior->own == 0 && prior->pairs < fleet_limits.least_prior_pairs)
     output.notes.push_back(
         "prior: the unit's own history is not used: too few units were calibrated twice to tell how much a unit "
@@ -383,13 +381,12 @@ Figure figure_of(const FleetEffect& effect, const FleetSource& source, const std
 
 std::string head_text(const FleetDiagnosis& d, const FleetSource& source, const std::vector<std::string>& factors) {
   std::string of;
-  for (std::size_t f = 0; f < factors.size(); ++f)
-    of += fmt::format(", {} {}{}", d.levels[f].size(), factors[f], d.levels[f].size() == 1 ? "" : "s");
+  for (std::size_t f = 0; f < factors.size(); ++f) of += ", " + counted(std::ssize(d.levels[f]), factors[f]);
   std::size_t units = 0;
   for (std::size_t k = 0; k < source.members.size(); ++k)
     units += k == 0 || source.members[k].unit != source.members[k - 1].unit;
-  return fmt::format("{} recordings of {} units{}{}", source.members.size(), units, of,
-                     source.simulated ? "; simulated" : "");
+  return counted(std::ssize(source.members), "recording") + " of " + counted(units, "unit") + of +
+         (source.simulated ? "; simulated" : "");
 }
 
 }  // namespace

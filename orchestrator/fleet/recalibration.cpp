@@ -73,8 +73,8 @@ Result<std::vector<ArchiveEntry>> listed(const std::string& path) {
                        ": expected a list that begins with the column recording");
   for (std::size_t k = 1; k < header.size(); ++k)
     if (std::ranges::find(archive_columns, header[k]) == archive_columns.end())
-      return input_error(path + ":1: " + turncal::quoted(header[k]) +
-                         ": expected station, lot, part, revision or measured_utc");
+      return input_error(path + ":1: " + turncal::quoted(header[k]) + ": expected " +
+                         one_of(header[k], archive_columns));
   std::vector<ArchiveEntry> entries;
   for (int line = 2; !remaining.empty(); ++line) {
     const std::string_view row = next_line(remaining);
@@ -82,7 +82,7 @@ Result<std::vector<ArchiveEntry>> listed(const std::string& path) {
     const std::vector<std::string_view> cells = split(row, ',');
     const std::string where = path + ":" + std::to_string(line) + ": ";
     if (cells.size() != header.size())
-      return input_error(where + std::to_string(cells.size()) + " cells: expected " + std::to_string(header.size()));
+      return input_error(where + counted(std::ssize(cells), "cell") + ": expected " + std::to_string(header.size()));
     if (cells.front().empty()) return input_error(where + "expected the path of a recording");
     ArchiveEntry entry{(fs::path(path).parent_path() / fs::path(cells.front())).string(), {}};
     for (std::size_t k = 1; k < cells.size(); ++k)
@@ -157,8 +157,7 @@ struct Work {
 // Returns the results of a recording as files of its folder: names, not paths.
 Result<std::vector<NamedText>> files_of(const ArchiveEntry& entry, const LoadedRecording& recording,
                                         const RecalibrationRequest& request) {
-  CalibrationOutput output =
-      TRY(calibrate_recording(recording, {.time_utc = request.time_utc, .test_fit = !request.diagnose}));
+  auto output = TRY(calibrate_recording(recording, {.time_utc = request.time_utc, .test_fit = !request.diagnose}));
   std::vector<NamedText> files;
   for (const auto& [key, value] : whole_record(entry))
     if (!find_further(output.file, "record." + key)) output.file.add_further("record." + key, value);
@@ -171,8 +170,7 @@ Result<std::vector<NamedText>> files_of(const ArchiveEntry& entry, const LoadedR
   }
   files.push_back({parameters_name, TRY(format_parameter_file(output.file))});
   if (output.fit) {
-    const std::vector<std::byte> bytes =
-        TRY(format_statistics({output.file, unit_statistics(recording.data, *output.fit)}));
+    const auto bytes = TRY(format_statistics({output.file, unit_statistics(recording.data, *output.fit)}));
     files.push_back({statistics_name, std::string(reinterpret_cast<const char*>(bytes.data()), bytes.size())});
   }
   return files;
@@ -358,8 +356,7 @@ struct Queue {
 };
 
 Result<Queue> queue_of(const Job& job) {
-  const std::string text =
-      TRY(ask_slurm("squeue", {"--noheader", "--array", "--name", job.name, "--format", "%K %T %r"}));
+  const auto text = TRY(ask_slurm("squeue", {"--noheader", "--array", "--name", job.name, "--format", "%K %T %r"}));
   Queue queue;
   for (std::string_view remaining = text; !remaining.empty();) {
     const std::string_view line = trimmed(next_line(remaining));
@@ -471,8 +468,8 @@ Result<RecalibrationCounts> recalibrate_on_slurm(const std::vector<ArchiveEntry>
     return counts;
   }
   const std::string log = file_of(job, std::size_t(failed.front()), ".log");
-  return device_error(fmt::format("{} of {} chunks failed {} times; {}: {}", failed.size(), chunks,
-                                  options.most_attempts, log, last_line(log)));
+  return device_error(fmt::format("{} of {} failed {}; {}: {}", failed.size(), counted(chunks, "chunk"),
+                                  counted(options.most_attempts, "time"), log, last_line(log)));
 }
 
 // ---- what changed between versions ----
@@ -550,8 +547,8 @@ Result<VersionChanges> compare_versions(const std::string& store, const std::str
 Document changes_document(const VersionChanges& c) {
   using namespace cell;
   Document document{"", "From version " + c.from + " to " + c.to};
-  document.text(fmt::format("from version {} to {}: {} recordings in both, {} only in the first, {} only in the second",
-                            c.from, c.to, c.both, c.only_from, c.only_to));
+  document.text(fmt::format("from version {} to {}: {} in both, {} only in the first, {} only in the second", c.from,
+                            c.to, counted(c.both, "recording"), c.only_from, c.only_to));
   Table parameters{
       {name("parameter"), number("mean"), number("rms"), number("largest"), number("sigma ratio"), name("unit")}};
   for (const ParameterChange& p : c.parameters)

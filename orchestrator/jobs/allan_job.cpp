@@ -105,7 +105,7 @@ class RestReader {
     const std::string wrong = norms.empty() ? "" : wrong_gravity(median(norms) / info_.gravity_mps2, info_);
     if (!wrong.empty()) found.notes.push_back("units: " + wrong);
     if (left_out_ > 0)
-      found.notes.push_back(fmt::format("{} samples left out: marked as bad, glitches, or beyond any unit", left_out_));
+      found.notes.push_back(counted(left_out_, "sample") + " left out: marked as bad, glitches, or beyond any unit");
     const std::vector<double>& mean = found.cells.mean[0];
     const auto cells = double(mean.size());
     const auto lost = double(std::ranges::count_if(mean, [](double v) { return std::isnan(v); }));
@@ -213,7 +213,7 @@ class RestReader {
 
 Result<ReadRests> read_rests(RecordingSource& source, const std::string& name) {
   RestReader reader(source.info(), source.segments(), name);
-  TRY(source.read([&](std::span<const ImuSample> samples) { return reader.add(samples); }));
+  TRY(source.read_to_use([&](std::span<const ImuSample> samples) { return reader.add(samples); }));
   Result<ReadRests> found = reader.take();
   if (const std::string damage = describe(source.damage()); found && !damage.empty()) found->notes.push_back(damage);
   return found;

@@ -131,8 +131,8 @@ Status closed_form(const CompressedRecording& recording, CalibrationOutput& outp
   if (!result.converged) return Error{ErrorKind::unit_failed, "the calibration does not converge: " + result.message};
   output.file.parameters = to_vector(result.parameters);
   output.file.model = "base";
-  output.notes.push_back(
-      fmt::format("closed form: converged after {} passes over {} samples", result.passes, recording.samples));
+  output.notes.push_back(fmt::format("closed form: converged after {} over {} samples", counted(result.passes, "pass"),
+                                     recording.samples));
   return {};
 }
 
@@ -144,8 +144,8 @@ void note_mounting(const JointResult& result, std::vector<std::string>& notes) {
 
 void note_joint(const JointResult& result, double sample_period_s, std::vector<std::string>& notes) {
   notes.push_back(
-      fmt::format("joint estimate: converged after {} iterations; normalised residual {:.4f}{}", result.iterations,
-                  result.normalised_rms,
+      fmt::format("joint estimate: converged after {}; normalised residual {:.4f}{}",
+                  counted(result.iterations, "iteration"), result.normalised_rms,
                   result.whiteness.white ? "" : ", NOT WHITE: the noise model does not explain the residual"));
   note_mounting(result, notes);
   for (const Fault& fault : result.faults)
@@ -164,8 +164,7 @@ std::string clipped_gyros(const CompressedRecording& recording) {
   std::map<std::string, int> turns;
   for (const DataEvent& event : clipped_turns(recording)) ++turns[clipped_text(recording.info, event.axis, event.size)];
   std::string all;
-  for (const auto& [text, count] : turns)
-    all += (all.empty() ? "" : ", ") + text + " in " + std::to_string(count) + " turns";
+  for (const auto& [text, count] : turns) all += (all.empty() ? "" : ", ") + text + " in " + counted(count, "turn");
   return all;
 }
 
@@ -375,7 +374,7 @@ Result<DiagnosisOutput> of_hand_turned(const LoadedRecording& recording, const D
 
 Result<Segmentation> find_rests(RecordingSource& source, const SegmentationOptions& options) {
   RestFinder finder(source.info(), options);
-  TRY(source.read([&](std::span<const ImuSample> samples) {
+  TRY(source.read_to_use([&](std::span<const ImuSample> samples) {
     finder.add(samples);
     return Status();
   }));
@@ -403,9 +402,8 @@ Result<LoadedRecording> load_recording(RecordingSource& source, const std::funct
   Segments segments = source.segments();
   if (segments.empty()) {
     segments = TRY(find_rests(source)).segments;
-    loaded.segmented =
-        fmt::format("the recording came without segments: {} rests were found (turncal segment lists them)",
-                    std::ranges::count(segments, SegmentKind::still, &Segment::kind));
+    loaded.segmented = fmt::format("the recording came without segments: {} found (turncal segment lists them)",
+                                   counted(std::ranges::count(segments, SegmentKind::still, &Segment::kind), "rest"));
   }
   loaded.path = source.path();
   if (before_step == 0) before_step = north_seeking_step(source.path());
@@ -424,7 +422,7 @@ Result<LoadedRecording> load_recording(RecordingSource& source, const std::funct
   SegmentedFeed feed(compressor, segments);
   TableLife life(source.info(), segments);
   std::int64_t count = 0;
-  TRY(source.read([&](std::span<const ImuSample> samples) {
+  TRY(source.read_to_use([&](std::span<const ImuSample> samples) {
     while (before_step > 0 && !samples.empty() && samples.back().counter >= segments.back().end_sample)
       samples = samples.first(samples.size() - 1);
     if (samples.empty()) return Status{};

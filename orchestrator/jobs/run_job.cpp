@@ -48,8 +48,9 @@ Status seal_like(const RunUnit& unit, const RunUnit& sealed) {
   const std::unique_ptr<RecordingSource> source = TRY(RecordingSource::open(recording_of(sealed)));
   RecordingWriter writer = TRY(RecordingWriter::reopen(partial_of(unit), RecordingWriter::OpenSegment::drop));
   if (writer.segments().size() != source->segments().size())
-    return input_error("{}: holds {} segments, expected {} as in {}", partial_of(unit), writer.segments().size(),
-                       source->segments().size(), recording_of(sealed));
+    return input_error("{}: holds {}, expected {} as in {}", partial_of(unit),
+                       counted(std::ssize(writer.segments()), "segment"), source->segments().size(),
+                       recording_of(sealed));
   TRY(writer.finish());
   return rename_durably(partial_of(unit), recording_of(unit));
 }

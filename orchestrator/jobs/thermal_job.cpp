@@ -117,8 +117,7 @@ Result<LegFile> read_leg(const std::string& path, int number, const ThermalReque
     if (leg.leg.free.empty() || moved) {
       request.phase("calibrating " + path);
       const LoadedRecording loaded = TRY(load_recording(*source));
-      const CalibrationOutput output =
-          TRY(calibrate_recording(loaded, {.time_utc = request.time_utc, .partial = true}));
+      const auto output = TRY(calibrate_recording(loaded, {.time_utc = request.time_utc, .partial = true}));
       if (leg.leg.free.empty()) {
         leg.path = path, leg.file = output.file;
         add_measured_utc(loaded.data.info, leg.file);
@@ -347,7 +346,8 @@ Result<ThermalOutput> thermal_calibration(const ThermalRequest& request) {
   std::vector<LegFile> legs;
   for (const std::string& given : request.temperatures)
     if (std::ranges::none_of(request.legs, [&](const std::string& leg) { return given.starts_with(leg + "="); }))
-      return input_error("--temperature " + given + ": expected LEG=VALUE, LEG one of the legs");
+      return input_error("--temperature " + given + ": expected LEG=VALUE, LEG of " +
+                         one_of(given.substr(0, given.rfind('=')), request.legs));
   for (const std::string& path : request.legs)
     legs.push_back(TRY(read_leg(path, int(legs.size()) + 1, request, report.notes)));
   TRY(check_together(legs));
@@ -374,20 +374,22 @@ Result<ThermalOutput> thermal_calibration(const ThermalRequest& request) {
 
 Result<Campaign> read_campaign(const std::string& path) {
   KeyValueFile file = TRY(KeyValueFile::read(path));
-  const auto beside = [&](const std::string& name) { return name.empty() ? name : file.beside(name); };
+  const auto named = [&](const std::string& key, const std::string& otherwise) {
+    return file.has(key) ? file.file_named(key) : otherwise;
+  };
   Campaign campaign{.file = path};
   file.integer("format", 1, 1);
   campaign.unit = file.text("unit");
-  campaign.site.station = beside(file.text("station"));
-  campaign.rig = beside(file.text_or("rig", ""));
+  campaign.site.station = file.file_named("station");
+  campaign.rig = named("rig", "");
   campaign.site.arw_deg_per_rt_h = file.number_or("noise.arw_deg_per_rt_h", campaign.site.arw_deg_per_rt_h, positive);
   campaign.site.vrw_ug_per_rt_hz = file.number_or("noise.vrw_ug_per_rt_hz", campaign.site.vrw_ug_per_rt_hz, positive);
-  const std::string sequence = file.text_or("sequence", "");
+  const std::string sequence = named("sequence", "");
   double low = INFINITY, high = -INFINITY;
   int switched = 1;
   for (const double c : file.numbers("temperatures_c")) {
     const std::string key = fmt::format("leg.{}.", campaign.legs.size() + 1);
-    CampaignLeg leg{c, beside(file.text_or(key + "sequence", sequence)), beside(file.text_or(key + "station", "")),
+    CampaignLeg leg{c, named(key + "sequence", sequence), named(key + "station", ""),
                     file.boolean_or(key + "switch_on", false)};
     leg.switch_on_number = switched += leg.switch_on ? 1 : 0;
     campaign.legs.push_back(leg);

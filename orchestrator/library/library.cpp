@@ -223,7 +223,8 @@ std::string Report::html() const { return as_page(content_->document).html; }
 Calibration calibrate(std::span<const Recording> recordings, const CalibrateOptions& options) {
   if (recordings.empty()) raise(input_error("recordings: expected at least one"));
   if (std::ranges::find(calibration_methods, options.method) == std::end(calibration_methods))
-    raise(input_error("method '" + options.method + "': expected joint or closed-form"));
+    raise(input_error("method '" + options.method + "': expected " +
+                      one_of(options.method, {std::begin(calibration_methods), std::end(calibration_methods)})));
   const std::vector<LoadedRecording> loaded = load_all(recordings);
   CalibrationOutput output = value(calibrate_recordings(
       loaded, {.method = options.method, .time_utc = time_or_now(options.time_utc), .partial = options.partial}));

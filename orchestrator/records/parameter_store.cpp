@@ -50,9 +50,9 @@ Error no_version(const std::string& what, const std::string& store, const std::s
   std::error_code error;
   if (!fs::is_directory(store, error)) return input_error(store + ": there is no such folder: expected a record.store");
   const bool other = !version_numbers(unit_folder(store, unit, !simulated)).empty();
-  return input_error(
-      what + ": there is no such version of unit '" + unit + "'" +
-      (other ? simulated ? ", but real ones: leave out --simulated" : ", but simulated ones: --simulated" : ""));
+  return input_error(what + ": there is no such version of unit '" + unit + "'" +
+                     (other ? simulated ? ", but real ones: leave out --simulated" : ", but simulated ones: --simulated"
+                            : did_you_mean(unit, names_in(folder_of(unit_folder(store, unit, simulated))))));
 }
 
 }  // namespace

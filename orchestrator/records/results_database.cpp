@@ -180,11 +180,8 @@ std::string key_of(const AttemptRecord& a, const SqlRow& row) {
 
 Status expect_one_of(const std::string& option, const std::string& word, const std::vector<std::string>& there) {
   if (word.empty() || std::ranges::find(there, word) != there.end()) return {};
-  constexpr std::size_t shown = 14;
-  const std::vector<std::string> some(there.begin(), there.begin() + std::ptrdiff_t(std::min(shown, there.size())));
   return input_error("--" + option + " " + turncal::quoted(word) + ": no row has it: expected " +
-                     (there.empty() ? "none" : fmt::format("one of {}", fmt::join(some, ", "))) +
-                     (there.size() > shown ? ", ..." : ""));
+                     (there.empty() ? "none" : one_of(word, there)));
 }
 
 Fields with_id(AttemptRecord& attempt) {
@@ -413,7 +410,8 @@ Status ResultsDatabase::check_writable(const std::string& path) {
 
 Result<ResultsDatabase> ResultsDatabase::open_to_read(const std::string& name, const SqlPatience& patience) {
   const bool server = names_a_server(name);
-  if (!server && !path_exists(name)) return input_error(name + ": there is no such results database");
+  if (!server && !path_exists(name))
+    return input_error(name + ": there is no such results database" + file_meant(name));
   if (!server) TRY(expect_file(name, FileKind::database));
   TRY(server ? Status{} : check_regular_file(name));
   ResultsDatabase database(TRY(connect_to(name, SqlUse::read, patience)));

@@ -116,7 +116,7 @@ Status change_queue(const std::string& path, const QueueChange& change) {
   const std::vector<std::string> units =
       TRY(path_exists(path) ? read_queue(path) : Result<std::vector<std::string>>(std::vector<std::string>{}));
   for (const std::string& unit : change.remove) {
-    if (!holds(units, unit)) return input_error(path + ": holds no unit '" + unit + "'");
+    if (!holds(units, unit)) return input_error(path + ": holds no unit '" + unit + "'" + did_you_mean(unit, units));
   }
   std::string text;
   std::string_view remaining = old;
@@ -136,7 +136,8 @@ Status change_queue(const std::string& path, const QueueChange& change) {
   if (!change.again.empty()) {
     std::vector<UnitOutcome> outcomes = TRY(read_outcomes(path));
     for (const std::string& unit : change.again) {
-      if (!find_outcome(outcomes, unit)) return input_error(path + ": unit '" + unit + "' has no outcome yet");
+      if (!find_outcome(outcomes, unit))
+        return input_error(path + ": unit '" + unit + "' has no outcome yet" + did_you_mean(unit, units));
       for (UnitOutcome& outcome : outcomes) {
         if (outcome.unit == unit) outcome = {unit, again_outcome, outcome.time_utc, ""};
       }

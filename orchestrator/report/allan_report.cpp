@@ -211,8 +211,8 @@ Document allan_document(const AllanReport& report) {
   Document document{"Allan deviation of " + report.source, "Allan deviation of " + report.source};
   Facts facts;
   facts.add("at rest",
-            fmt::format("{:.6g} s in {} rest{}, the longest {:.6g} s; a sample every {:.9g} s", report.result.total_s,
-                        report.rests, report.rests == 1 ? "" : "s", report.result.longest_s, report.sample_s));
+            fmt::format("{:.6g} s in {}, the longest {:.6g} s; a sample every {:.9g} s", report.result.total_s,
+                        counted(report.rests, "rest"), report.result.longest_s, report.sample_s));
   if (!report.against.empty()) facts.add("against", report.against);
   facts.add("<", "not seen in this record: 95 % upper limit");
   document.add(std::move(facts));

@@ -109,8 +109,7 @@ Table result_table(const Certificate& c) {
   Table table{{text("parameter"), text("quantity"), text("unit"), number("value"), number("U (k = 2)"),
                number("estimate"), number("confounding"), number("gravity"), number("latitude"),
                number("repeatability"), text("limits")}};
-  for (std::size_t i = 0; i < parameter_keys.size(); ++i) {
-    if (!parameter_is_free[i]) continue;
+  for (const int i : free_parameters()) {
     const std::string key(parameter_keys[i]);
     const UncertaintyBudget& u = c.budget[i];
     const double expanded = u.expanded();

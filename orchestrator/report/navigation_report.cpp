@@ -199,8 +199,8 @@ Document navigation_document(const NavigationReport& report) {
                     report.reference_gap_s));
   if (!report.damage.empty()) document.text(report.damage);
   if (report.filled_samples > 0)
-    document.text(
-        fmt::format("{} samples lost or bad; {} of them in a turn", report.filled_samples, report.filled_in_motion));
+    document.text(fmt::format("{} lost or bad; {} of them in a turn", counted(report.filled_samples, "sample"),
+                              report.filled_in_motion));
   add_faults(report.faults, document);
   for (const std::string& branch : report.lost) document.text(branch);
   for (const NavigatedFile& file : report.files) {

@@ -53,7 +53,7 @@ std::string sentence_of(const RestDiagnosis& r, const RestData& data) {
   }
   return title + (d.verdict == Verdict::clean ? "the 21 parameters explain the data: " : "") +
          error_text(r.final.errors) + "; " + remainder_text(r) + "; " + d.reason + " (" +
-         std::to_string(data.rests.size()) + " rests).";
+         counted(std::ssize(data.rests), "rest") + ").";
 }
 
 struct Rows {  // residuals of one system, by rest

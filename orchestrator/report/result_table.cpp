@@ -168,8 +168,7 @@ Facts pose_facts(const SinglePose& pose) {
 
 std::string format_pose(const SinglePose& pose, const std::string& why_not_trusted) {
   KeyValues lines;
-  lines.comment(
-      fmt::format("turncal diagnosis: one pose, {} s; noise and slow changes only", format_number(pose.duration_s)));
+  lines.comment(fmt::format("turncal diagnosis: one pose, {:.10g} s; noise and slow changes only", pose.duration_s));
   lines.text("verdict", to_string(Verdict::not_tested));
   lines.text("effects", "");
   lines.flag("quality.trusted", false);
@@ -221,8 +220,7 @@ Table sigma_table(const std::vector<NamedPrediction>& columns, const RecordingIn
     if (c > 0) table.head.push_back(number("ratio"));
   }
   const Prediction& first = columns.front().prediction;
-  for (std::size_t k = 0; k < parameter_keys.size(); ++k) {
-    if (!parameter_is_free[k]) continue;
+  for (const int k : free_parameters()) {
     const auto at = Eigen::Index(k);
     std::vector<Cell> row = {name(parameter_keys[k]), wide(quantity_name(parameter_keys[k])),
                              text(unit_text(parameter_unit(parameter_keys[k], info.gyro_increment)))};

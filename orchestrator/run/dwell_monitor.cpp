@@ -47,8 +47,9 @@ const std::optional<DwellMonitor::Defect>& DwellMonitor::add(std::span<const Imu
   for (const ImuSample& sample : samples) {
     if (defect_) break;
     if (sample.counter != next_counter_)
-      defect_ = Defect{ErrorKind::device,
-                       fmt::format("{} samples lost at sample {}", sample.counter - next_counter_, next_counter_)};
+      defect_ =
+          Defect{ErrorKind::device,
+                 fmt::format("{} lost at sample {}", counted(sample.counter - next_counter_, "sample"), next_counter_)};
     else if ((sample.flags & sample_flag_invalid) != 0)
       defect_ =
           Defect{ErrorKind::unit_failed, fmt::format("the unit flagged its data as bad at sample {}", sample.counter)};

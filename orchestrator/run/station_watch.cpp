@@ -208,8 +208,7 @@ StationRun::MaybeEvent StationRun::look_at_chamber() {
 void StationRun::leave_chamber() {
   if (!devices_.chamber || !devices_.chamber->is_connected() || chamber_rests()) return;
   if (chamber_until_s_ > 0.0 && devices_.clock.now_s() > chamber_until_s_) return;
-  const Status off =
-      leave_off(*devices_.chamber, {[this] { return devices_.clock.now_s(); }, devices_.wait, {}, {}, {}});
+  const auto off = leave_off(*devices_.chamber, {[this] { return devices_.clock.now_s(); }, devices_.wait, {}, {}, {}});
   if (off) return;
   state_ = RunState::failed;
   first_error_ = device_error((first_error_ ? first_error_->message + "; " : "") + off.error().message);
@@ -385,7 +384,7 @@ StationRun::MaybeEvent StationRun::judge_move() {
       std::string("samples lost, flagged or doubled while ") + to_string(job_.plan.items[item_].axis) + " turned";
   for (UnitLane& lane : lanes_) {
     if (!lane.alive() || !lane.motion_lost || lane.repeats < job_.station.dwell.max_repeats) continue;
-    const Error error = device_error(what + ", and the move was repeated " + std::to_string(lane.repeats) + " times");
+    const Error error = device_error(what + ", and the move was repeated " + counted(lane.repeats, "time"));
     if (const MaybeEvent event = fail(lane, RunEvent::move_bad, error)) return event;
   }
   if (!any_living([](const UnitLane& lane) { return lane.motion_lost; })) return std::nullopt;

@@ -106,7 +106,7 @@ std::string UnitLane::came_instead() const {
     text += "; " + std::to_string(std::max(came.bad_frames, came.resyncs)) +
             " bad frames came: baud rate, or another frame than the one described";
   const std::uint64_t again = came.duplicates + duplicate_samples_;
-  if (again > 0) text += "; " + std::to_string(again) + " samples repeated a counter that had come before";
+  if (again > 0) text += "; " + counted(again, "sample") + " repeated a counter that had come before";
   return text;
 }
 

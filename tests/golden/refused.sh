@@ -24,6 +24,7 @@ try prune line --older-than 30d --list
 try database check none.db
 try run --settle 2h
 try calibrate x --out y --method jiont
+try calibrate x --out y --method clsed
 try run --quiet --manual --dry-run --unit SN1 --out by_hand
 
 # ---- run, resume, check
@@ -41,6 +42,7 @@ for name in recording.tcr parameters.conf run.log truth.conf recording.partial.t
 done
 dry '' --out x
 try resume clean
+try journal letter.txt
 try check --station none.station --sequence none.seq
 try predict --sequence "$source/README.md"
 sequence nodwell <<'SEQ'
@@ -53,6 +55,9 @@ sequence far <<'SEQ'
   rotate P +3000
   dwell 1000
 SEQ
+try predict --sequence "$source/sequences/fourteen_stp.seq"
+sed 's/acceleration_degps2/acceleraton_degps2/' "$demo" > slip.seq
+try predict --sequence slip.seq
 for bad in nodwell far; do try run --dry-run --unit SN1 --out out --sequence $bad.seq; done
 printf 'unit_serial = SN2\n' > unit.rig
 dry SN1 --out out --rig unit.rig
@@ -341,6 +346,7 @@ for chart in --control '--parameter N01' '--report mixed.html'; do try history r
 try history results.db --control
 try history results.db --compare 1 2
 try history results.db --compare 1 99
+try history results.db --compare 1 1
 try history results.db --parameter N99
 try history results.db --format csv --control
 for day in yesterday 2026-02-30 2026-13 2026-02-01T25:00:00Z 202 2026- 2026-1-01; do try history results.db --from $day; done

@@ -45,7 +45,7 @@ TEST(DwellMonitor, EveryLostSampleIsSeen) {
   for (const std::size_t lost : {0U, 1U, 777U, 1998U}) {
     std::vector<ImuSample> samples = at_rest(500, 2000);
     samples.erase(samples.begin() + std::ptrdiff_t(lost));
-    EXPECT_EQ(verdict(samples), "1 samples lost at sample " + std::to_string(500 + lost));
+    EXPECT_EQ(verdict(samples), "1 sample lost at sample " + std::to_string(500 + lost));
   }
 }
 

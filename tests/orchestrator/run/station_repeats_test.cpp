@@ -55,7 +55,7 @@ TEST(StationRun, ADisturbedDwellIsRepeatedAndTheRunGoesOn) {
   };
   const Disturbance disturbances[] = {
       {"flagged sample", {unit_fault(RigFaultKind::invalid_sample, 4999)}, 1, 2, "flagged its data"},
-      {"lost in the alignment", {unit_fault(RigFaultKind::lost_sample, 10)}, 1, 2, "samples lost"},
+      {"lost in the alignment", {unit_fault(RigFaultKind::lost_sample, 10)}, 1, 2, " lost at sample"},
       {"knock", {knock}, 1, 2, "accelerometer x"},
       {"moved by itself: back to 90 deg", {moved_by(21.0, 0.05)}, 1, 3, "pitch"},
       {"moved, and no encoder shows it: 0.05 deg/s in the means", {moved_by(21.0, 0.05, true)}, 1, 2, "gyro"},
@@ -64,7 +64,7 @@ TEST(StationRun, ADisturbedDwellIsRepeatedAndTheRunGoesOn) {
         unit_fault(RigFaultKind::lost_sample, 8010), unit_fault(RigFaultKind::lost_sample, 8410)},
        4,
        2,
-       "samples lost"},
+       " lost at sample"},
       {"told twice", {unit_fault(RigFaultKind::duplicated_sample, 3500)}, 0, 2, ""},
   };
   for (const Disturbance& d : disturbances) {
@@ -132,7 +132,7 @@ TEST(StationRun, TooManyRepeatsEndTheRun) {
   EXPECT_EQ(outcome.repeated_dwells, 2);  // dwell.max_repeats
   EXPECT_EQ(s.watcher.count(RunEvent::dwell_bad), 3);
   EXPECT_SAYS(outcome.error.message, "step 1");
-  EXPECT_SAYS(outcome.error.message, "samples lost");
+  EXPECT_SAYS(outcome.error.message, " lost at sample");
   EXPECT_TRUE(s.at_rest());
 }
 
