@@ -130,10 +130,11 @@ std::string did_you_mean(std::string_view typed, const std::vector<std::string>&
   std::tuple<std::size_t, bool, std::ptrdiff_t> closest(most, true, 1);
   std::string meant;
   for (const std::string& word : known) {
-    if (word.empty() || word.size() > longest || word == typed) continue;
+    if (word == typed) return "";
+    if (word.empty() || word.size() > longest) continue;
     const std::ptrdiff_t alike = typed.begin() - std::ranges::mismatch(typed, word).in1;
     for (std::size_t end = 0; end < word.size(); ++end) {
-      end = std::min(word.find_first_of("-_. ", end), word.size());
+      end = std::min(word.find('-', end), word.size());
       const std::tuple distance(edit_distance(typed, word.substr(0, end)), end < word.size(), alike);
       if (end > 0 && distance < closest) std::tie(closest, meant) = std::tuple(distance, word);
     }
@@ -142,7 +143,7 @@ std::string did_you_mean(std::string_view typed, const std::vector<std::string>&
 }
 
 std::string one_of(std::string_view typed, const std::vector<std::string>& known) {
-  constexpr std::size_t shown = 14;
+  constexpr std::size_t shown = 20;
   std::string words;
   for (std::size_t k = 0; k < std::min(shown, known.size()); ++k)
     words += (k == 0 ? "" : k + 1 == known.size() ? " or " : ", ") + known[k];

@@ -103,9 +103,9 @@ std::optional<double> device_number(std::string_view text, bool decimal_comma = 
 // (optimal string alignment), ignoring case. A word is close up to (n + 1) / 3 edits, three at most, where n letters were typed.
 std::size_t edit_distance(std::string_view a, std::string_view b);
 
-// Returns "; did you mean 'run'?" to append to a message, or nothing when no word is close. The beginning of a word up to - _ . or a
-// blank stands for the word. Of equally close words it takes a whole one, then the one that shares the longest beginning with what was
-// typed, then the first.
+// Returns "; did you mean 'run'?" to append to a message, or nothing when no word is close or the word itself is known. The beginning of
+// a word up to a - stands for the word. Of equally close words it takes a whole one, then the one that shares the longest beginning
+// with what was typed, then the first.
 std::string did_you_mean(std::string_view typed, const std::vector<std::string>& known);
 // Returns what a message says was expected instead of `typed`: "add, remove or stop; did you mean 'stop'?".
 std::string one_of(std::string_view typed, const std::vector<std::string>& known);

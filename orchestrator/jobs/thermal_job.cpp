@@ -374,22 +374,20 @@ Result<ThermalOutput> thermal_calibration(const ThermalRequest& request) {
 
 Result<Campaign> read_campaign(const std::string& path) {
   KeyValueFile file = TRY(KeyValueFile::read(path));
-  const auto named = [&](const std::string& key, const std::string& otherwise) {
-    return file.has(key) ? file.file_named(key) : otherwise;
-  };
+  const auto beside = [&](const std::string& name) { return name.empty() ? name : file.beside(name); };
   Campaign campaign{.file = path};
   file.integer("format", 1, 1);
   campaign.unit = file.text("unit");
   campaign.site.station = file.file_named("station");
-  campaign.rig = named("rig", "");
+  if (file.has("rig")) campaign.rig = file.file_named("rig");
   campaign.site.arw_deg_per_rt_h = file.number_or("noise.arw_deg_per_rt_h", campaign.site.arw_deg_per_rt_h, positive);
   campaign.site.vrw_ug_per_rt_hz = file.number_or("noise.vrw_ug_per_rt_hz", campaign.site.vrw_ug_per_rt_hz, positive);
-  const std::string sequence = named("sequence", "");
+  const std::string sequence = file.text_or("sequence", "");
   double low = INFINITY, high = -INFINITY;
   int switched = 1;
   for (const double c : file.numbers("temperatures_c")) {
     const std::string key = fmt::format("leg.{}.", campaign.legs.size() + 1);
-    CampaignLeg leg{c, named(key + "sequence", sequence), named(key + "station", ""),
+    CampaignLeg leg{c, beside(file.text_or(key + "sequence", sequence)), beside(file.text_or(key + "station", "")),
                     file.boolean_or(key + "switch_on", false)};
     leg.switch_on_number = switched += leg.switch_on ? 1 : 0;
     campaign.legs.push_back(leg);

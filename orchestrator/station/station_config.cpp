@@ -304,7 +304,7 @@ Result<StationConfig> station_from(KeyValueFile& file) {
   if (!station.table_calibration_due.empty() && !parse_utc(station.table_calibration_due + "T00:00:00Z"))
     file.reject("table.calibration_due", "a day of the calendar, as 2026-12-31");
   const auto path_of = [&file](const char* key) { return file.has(key) ? file.beside(file.text(key)) : std::string(); };
-  if (file.has("rig.file")) station.rig_file = file.file_named("rig.file");
+  station.rig_file = path_of("rig.file");
   station.database = path_of("record.database");
   station.outbox = path_of("record.outbox");
   if (const std::string server = file.text_or("record.database", ""); names_a_server(server)) {

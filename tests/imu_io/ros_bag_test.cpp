@@ -99,7 +99,7 @@ TEST(RosBag, TopicsAreListed) {
   expect_motion(read(folder, two, "/imu/raw"), "named");
   EXPECT_TRUE(fails(read(folder, two, "/imu"),
                     "no topic '/imu' of type sensor_msgs/msg/Imu: it has '/camera' ('sensor_msgs/msg/Image', 1 "
-                    "messages), '/imu/data' ("));
+                    "message), '/imu/data' ("));
   EXPECT_TRUE(fails(read(folder, two, "/camera"), "no topic '/camera' of type"));
   EXPECT_TRUE(fails(read(folder, mcap({{"/camera", "sensor_msgs/msg/Image", {}}}, "")),
                     "no message of type sensor_msgs/msg/Imu"));

@@ -174,7 +174,7 @@ class Module(unittest.TestCase):
             found = turncal.allan(turncal.import_table("rest.npy", "rest.map"))
             walks.append(found.axes[0].coefficients[1])
         self.assertAlmostEqual(walks[1] / walks[0], 1.0, delta=0.001)
-        self.assertIn("1 samples left out", found.report.text)
+        self.assertIn("1 sample left out", found.report.text)
 
 
 class Stubs(unittest.TestCase):
