@@ -235,8 +235,8 @@ Status run_batch(const BatchOptions& options, CommandContext& context) {
                              unjudged > 0 ? fmt::format("{} without a verdict, ", unjudged) : "", others)
               << std::flush;
   if (others == 0) return {};
-  return Error{ErrorKind::unit_failed, fmt::format("{} of {} did not pass; see turncal queue {}", others,
-                                                   counted(passed + unjudged + others, "unit"), options.queue)};
+  return Error{ErrorKind::unit_failed, fmt::format("{} of {} did not pass; see turncal queue {}",
+                                                   counted(others, "unit"), passed + unjudged + others, options.queue)};
 }
 
 struct QueueOptions {

@@ -309,7 +309,9 @@ Result<StationConfig> station_from(KeyValueFile& file) {
   station.outbox = path_of("record.outbox");
   if (const std::string server = file.text_or("record.database", ""); names_a_server(server)) {
     station.database = server;
-    if (Status s = check_database_name(server); !s) file.reject("record.database", s.error().message);
+    if (Status s = check_database_name(server); !s)  // not error_at(), which would print a password
+      return input_error("{}:{}: record.database: {}", station.file, file.line_of("record.database"),
+                         s.error().message);
     if (station.outbox.empty()) station.outbox = station.file + ".outbox.db";
   } else if (!station.outbox.empty()) {
     file.reject("record.outbox", "with a server only: record.database = postgresql://USER@HOST/NAME");
