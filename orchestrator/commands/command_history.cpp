@@ -294,8 +294,8 @@ Status copy_rows(const DatabaseOptions& options, CommandContext& context) {
   const ResultsDatabase from = TRY(ResultsDatabase::open_to_read(options.database));
   ResultsDatabase to = TRY(ResultsDatabase::open(options.other));
   const CopiedRows copied = TRY(from.copy_to(to));
-  context.out << options.other << ": new are " << counted(copied.calibrations, "calibration") << " and "
-              << counted(copied.attempts, "note") << " of attempts\n";
+  context.out << options.other << ": " << counted(copied.calibrations, "new calibration") << " and "
+              << counted(copied.attempts, "new note") << " of attempts\n";
   return {};
 }
 
