@@ -122,7 +122,7 @@ TEST_F(Verify, LeavesOutWhatLostSamples) {
   const ProgramResult few = judge("few");
   EXPECT_EQ(few.code, 20) << few.err;
   EXPECT_EQ(few.err_lines(), 1) << few.err;
-  EXPECT_SAYS(few.err, "not judged: 1 alignments at heading 0, expected at least two");
+  EXPECT_SAYS(few.err, "not judged: 1 alignment at heading 0, expected at least two");
   lose("v", middle[0], middle[1] - middle[0] + 1, "zero");
   const ProgramResult zero = judge("zero");
   EXPECT_EQ(zero.code, 20) << zero.err;
