@@ -85,10 +85,7 @@ std::optional<std::map<std::string, std::string>> SentenceTemplate::match(std::s
 int SentenceTemplate::lines() const { return 1 + int(std::ranges::count(text_, '\n')); }
 
 bool SentenceTemplate::has(std::string_view name) const {
-  for (const Piece& piece : pieces_) {
-    if (piece.name == name) return true;
-  }
-  return false;
+  return std::ranges::any_of(pieces_, [&](const Piece& piece) { return piece.name == name; });
 }
 
 std::vector<std::string> SentenceTemplate::names() const {
@@ -182,13 +179,13 @@ std::uint32_t crc_number(KeyValueFile& file, const std::string& key, std::option
   return value.value_or(0);
 }
 
-bool names_axis(const DialectSteps& steps) {
-  return std::ranges::any_of(steps.exchanges, [](const Exchange& exchange) {
-    const auto names = exchange.send.names();
-    return std::ranges::any_of(names,
-                               [](const std::string& name) { return name == "axis" || name.ends_with(".heading"); });
-  });
+template <class Wanted>
+bool sends_any(const DialectSteps& steps, Wanted wanted) {  // of placeholders by name
+  return std::ranges::any_of(
+      steps.exchanges, [&](const Exchange& exchange) { return std::ranges::any_of(exchange.send.names(), wanted); });
 }
+
+bool is_of_axis(const std::string& name) { return name == "axis" || name.ends_with(".heading"); }
 
 void read_steps(KeyValueFile& file, Dialect& dialect) {
   for (const TableOperation operation : all_operations) {
@@ -214,17 +211,13 @@ void read_steps(KeyValueFile& file, Dialect& dialect) {
     if (needed && steps.exchanges.empty()) file.text(name + ".1");  // reports the missing key
     const bool commands_axis = operation == TableOperation::enable || operation == TableOperation::home ||
                                operation == TableOperation::move || is_stop;
-    if (commands_axis && steps.each_axis && !steps.exchanges.empty() && !names_axis(steps)) {
+    if (commands_axis && steps.each_axis && !steps.exchanges.empty() && !sends_any(steps, is_of_axis)) {
       file.reject(name + ".1", "{axis} in a sentence, or " + name + ".scope = table");
     }
   }
   const auto asks_for = [&](MoveQuantity quantity) {
-    const std::vector<Exchange>& move = dialect.of(TableOperation::move).exchanges;
-    return std::ranges::any_of(move, [&](const Exchange& exchange) {
-      const auto names = exchange.send.names();
-      return std::ranges::any_of(
-          names, [&](const std::string& name) { return asked_by(name, Axis::heading).number == quantity; });
-    });
+    const auto is_it = [&](const std::string& name) { return asked_by(name, Axis::heading).number == quantity; };
+    return sends_any(dialect.of(TableOperation::move), is_it);
   };
   const bool position = asks_for(MoveQuantity::position), distance = asks_for(MoveQuantity::distance);
   if (file.has("move.1") && position == distance)
@@ -425,14 +418,14 @@ Asked asked_by(const std::string& name, Axis addressed) {
   return {enum_from<MoveQuantity>(quantity), quantity == "status", axis};
 }
 
-namespace {
-
-std::string fixed(double value, int decimals, bool plus) {
+std::string sentence_number(double value, int decimals, bool plus) {
   const std::string number = plus ? fmt::format("{:+.{}f}", value, decimals) : fmt::format("{:.{}f}", value, decimals);
   // "-0.0000" confuses some parsers.
   const bool zero = number.find_first_not_of("-0.") == std::string::npos;
   return zero && number[0] == '-' ? (plus ? "+" : "") + number.substr(1) : number;
 }
+
+namespace {
 
 double grain(int decimals) { return std::pow(10.0, -decimals); }
 
@@ -456,7 +449,7 @@ std::string filled(const Dialect& dialect, const SentenceTemplate& sentence, Axi
   return sentence.fill([&](const std::string& name) -> std::string {
     if (name == "axis") return dialect.of(axis).name;
     const Asked asked = asked_by(name, axis);
-    return asked.number ? fixed(units_of(dialect, asked, moves), dialect.decimals, dialect.plus) : "";
+    return asked.number ? sentence_number(units_of(dialect, asked, moves), dialect.decimals, dialect.plus) : "";
   });
 }
 
@@ -472,7 +465,7 @@ Status check_sentences(const Dialect& dialect, Axis axis, const Moves& moves) {
       if (asked.axis != axis || (asked.number != MoveQuantity::rate && asked.number != MoveQuantity::acceleration))
         continue;
       const double units = units_of(dialect, asked, moves);
-      if (is_told_coarsely(parse_number(fixed(units, dialect.decimals, false)).value_or(0.0), units))
+      if (is_told_coarsely(parse_number(sentence_number(units, dialect.decimals)).value_or(0.0), units))
         return cannot(fmt::format("number.decimals or a scale with which the {} {} is told to 5 %",
                                   to_string(*asked.number), format_number(units)));
     }
@@ -489,7 +482,7 @@ Status check_move(const Dialect& dialect, Axis axis, const Moves& moves, double 
       if (asked.axis != axis || (asked.number != MoveQuantity::position && asked.number != MoveQuantity::distance))
         continue;
       const double units = units_of(dialect, asked, moves);
-      const double told = parse_number(fixed(units, dialect.decimals, false)).value_or(0.0);
+      const double told = parse_number(sentence_number(units, dialect.decimals)).value_or(0.0);
       if (!(std::abs(told - units) <= tolerance_deg * scale))
         return input_error("number.decimals = " + std::to_string(dialect.decimals) + ": tells " + format_number(units) +
                            " as " + format_number(told) + ": expected an angle told to motion.position_tolerance_deg");
@@ -502,7 +495,7 @@ Status check_move(const Dialect& dialect, Axis axis, const Moves& moves, double 
       if (asked.number != MoveQuantity::position || asked.axis != axis || width == 0) continue;
       const DialectAxis& circle = dialect.of(axis);
       const double units = circle.modulo_deg > 0.0 ? circle.modulo_deg * scale : units_of(dialect, asked, moves);
-      const int whole = int(fixed(units, 0, dialect.plus).size());
+      const int whole = int(sentence_number(units, 0, dialect.plus).size());
       const int decimals = std::max(0, width - whole - 1);  // upper limit
       if (whole > width || !(0.5 * grain(decimals) <= tolerance_deg * scale))
         return input_error("{" + name + ":" + std::to_string(width) + "} in an answer to status cannot show " +

@@ -142,6 +142,8 @@ struct Asked {
 };
 Asked asked_by(const std::string& name, Axis addressed);
 
+// Returns a number with so many decimals; -0 has no sign.
+std::string sentence_number(double value, int decimals, bool plus = false);
 // Returns the sentence as it is sent to this axis.
 std::string filled(const Dialect& dialect, const SentenceTemplate& sentence, Axis axis, const Moves& moves);
 // Returns an error when a number does not fit its width, or a rate or acceleration is rounded too coarsely.

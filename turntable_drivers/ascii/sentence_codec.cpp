@@ -42,12 +42,6 @@ Result<std::string> SentenceFraming::answer(const std::string& sent_body, const 
   return bodies;
 }
 
-Judgement SentenceFraming::garbled(const std::string& what) const {
-  Judgement judgement = device_error(link_.address + ": " + what);
-  judgement.stale = true;
-  return judgement;
-}
-
 Result<std::string> SentenceFraming::bodies_of(const std::string& frames, int lines) const {
   const std::string& end = link_.terminator_in;
   std::string remaining = frames;

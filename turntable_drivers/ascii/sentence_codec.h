@@ -25,7 +25,7 @@ class SentenceFraming {
   // Returns the lines of an answer without their frames, separated by \n. After an error the line must be drained.
   Result<std::string> answer(const std::string& sent_body, const std::string& reply, const std::string& heard,
                              int lines) const;
-  Judgement garbled(const std::string& what) const;
+  Judgement garbled(const std::string& what) const { return turncal::garbled(link_.address + ": " + what); }
   const std::string& end_of_answer() const { return link_.prompt.empty() ? link_.terminator_in : link_.prompt; }
 
  private:

@@ -164,8 +164,6 @@ Result<ChamberDescription> chamber_from(KeyValueFile& file) {
   return chamber;
 }
 
-std::string hexadecimal(int address) { return fmt::format("{} (0x{:04X})", address, address); }
-
 }  // namespace
 
 Result<ChamberDescription> read_chamber(const std::string& path) {
@@ -197,11 +195,6 @@ std::vector<std::uint16_t> words_of(const ChamberDescription& chamber, const Wri
   return words;
 }
 
-std::string number_text(const ChamberDescription& chamber, double value) {
-  const std::string text = fmt::format("{:.{}f}", value, chamber.decimals);
-  return text.find_first_not_of("-0.") == std::string::npos && text[0] == '-' ? text.substr(1) : text;
-}
-
 std::vector<TableRow> explain(const ChamberDescription& chamber) {
   std::vector<TableRow> rows;
   for (std::size_t i = 0; i < chamber.entries.size(); ++i) {
@@ -221,10 +214,10 @@ std::vector<TableRow> explain(const ChamberDescription& chamber) {
     } else if (!is_command(item)) {
       row.sent = fmt::format("unit {}, function {}, register {} {}", chamber.unit,
                              is_read(item) ? chamber.read_function : chamber.write_function,
-                             hexadecimal(entry->field.address), to_string(entry->field.type));
+                             register_text(entry->field.address), to_string(entry->field.type));
     }
     for (const WriteStep& step : entry->writes) {
-      row.sent = fmt::format("unit {}, register {}", chamber.unit, hexadecimal(step.address));
+      row.sent = fmt::format("unit {}, register {}", chamber.unit, register_text(step.address));
       row.says = fmt::format("{}", fmt::join(words_of(chamber, step), " "));
       rows.push_back(row);
     }
@@ -347,8 +340,9 @@ Status DescribedChamber::tell(ChamberItem item, double value) {
   const auto& entry = chamber_.of(item);
   if (!entry) return {};
   const double told = entry->scale * value;
-  std::string body =
-      chamber_.by_registers() ? "" : entry->send.fill([&](const std::string&) { return number_text(chamber_, told); });
+  std::string body = chamber_.by_registers() ? "" : entry->send.fill([&](const std::string&) {
+    return sentence_number(told, chamber_.decimals);
+  });
   if (chamber_.by_registers()) {
     const auto words = encode_words(told, entry->field.type, chamber_.layout);
     if (!words) return about(item, format_number(told) + " does not fit its register");

@@ -72,7 +72,6 @@ bool decides_heat(std::string_view key);
 bool says_true(const ChamberEntry& entry, const std::string& word);
 // Returns the registers of a write.
 std::vector<std::uint16_t> words_of(const ChamberDescription& chamber, const WriteStep& step);
-std::string number_text(const ChamberDescription& chamber, double value);
 
 class ChamberCodec;
 

@@ -36,12 +36,6 @@ Judgement exception_judgement(int exception) {
   return judgement;
 }
 
-Judgement garbled(const std::string& what) {
-  Judgement judgement = device_error(what);
-  judgement.stale = true;
-  return judgement;
-}
-
 std::uint16_t transaction_of(const TableRequest& request) { return word_at(request.bytes, 0); }
 
 bool is_read(char function) { return function == 3 || function == 4; }

@@ -396,11 +396,11 @@ Status check_move(const RegisterMap& map, Axis axis, const Moves& moves) {
 
 // ---- explain(): each operation, request by request ----
 
+std::string register_text(int address) { return fmt::format("{} (0x{:04X})", address, address); }
+
 namespace {
 
 std::string hexadecimal(unsigned value) { return fmt::format("0x{:04X}", value); }
-
-std::string register_text(int address) { return fmt::format("{} (0x{:04X})", address, address); }
 
 std::string request(int unit, int function, int address, std::size_t count) {
   return fmt::format("unit {}, function {}, register {}{}", unit, function, register_text(address),

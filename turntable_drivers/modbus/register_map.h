@@ -156,6 +156,7 @@ Result<std::vector<std::uint16_t>> words_of(const RegisterMap& map, const WriteS
 // Returns an error unless the registers can hold a move of this axis and read it back.
 Status check_move(const RegisterMap& map, Axis axis, const Moves& moves);
 
+std::string register_text(int address);  // "100 (0x0064)"
 // Returns what the driver sends and reads, request by request.
 std::vector<TableRow> explain(const RegisterMap& map);
 

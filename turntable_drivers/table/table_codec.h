@@ -48,6 +48,11 @@ struct Judgement {
   double pause_s = 0.0;  // wait before repeating
   bool alive = false;    // the device answered: its link is not lost
 };
+inline Judgement garbled(const std::string& what) {
+  Judgement judgement = device_error(what);
+  judgement.stale = true;
+  return judgement;
+}
 
 // The angle that a reading would give with other settings of the description.
 struct OtherReading {

@@ -142,7 +142,6 @@ inline constexpr auto all_drive_bits = [] {
 }();
 
 struct DriveState {
-  DriveBit bit;          // the flag concerned
   const char* expected;  // in the words of an error message
   std::array<std::optional<bool>, drive_bit_count> flags{};
   std::optional<bool> operator[](DriveBit which) const { return flags[index(which)]; }

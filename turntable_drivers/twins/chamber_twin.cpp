@@ -87,7 +87,7 @@ std::optional<std::string> ChamberTwin::answer(const std::string& body) {
     return entry->expect->fill([&](const std::string& name) -> std::string {
       if (name != "value") return "0";
       const double number = value_of(item, *now);
-      if (!is_flag(item)) return number_text(described_, number);
+      if (!is_flag(item)) return sentence_number(number, described_.decimals);
       return number != 0.0 ? entry->true_values.front() : "0";
     });
   }
