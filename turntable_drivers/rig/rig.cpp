@@ -117,10 +117,12 @@ struct RigState {
     return {t, temperature_at(t), c_per_h_at(t), since_motion_s(t)};
   }
 
+  bool in_force(const RigFault& fault, RigFaultKind kind) const {
+    return fault.kind == kind && fault.in_force(time_s());
+  }
   const RigFault* fault_in_force(RigFaultKind kind) const {
-    for (const RigFault& fault : config.faults)
-      if (fault.kind == kind && fault.in_force(time_s())) return &fault;
-    return nullptr;
+    const auto found = std::ranges::find_if(config.faults, [&](const RigFault& f) { return in_force(f, kind); });
+    return found == config.faults.end() ? nullptr : &*found;
   }
   void pass_climate();
 
@@ -358,14 +360,6 @@ namespace turncal {
 
 using namespace rig_model;
 
-namespace {
-
-bool in_force(const RigFault& fault, Axis axis, double now_s) {
-  return fault.axis == int(axis) && fault.in_force(now_s);
-}
-
-}  // namespace
-
 Rig::Rig(const RigConfig& config) : state_(std::make_unique<RigState>(config)) { assert(check(config).ok()); }
 Rig::~Rig() = default;
 
@@ -380,7 +374,7 @@ void Rig::command_move(Axis axis, double target_deg, double rate_degps, double a
   command.started_s = s.time_s();
   if (command.stuck || command.fault || s.emergency_stop) return;
   for (const RigFault& fault : s.config.faults) {
-    if (fault.kind != RigFaultKind::too_fast || !in_force(fault, axis, s.time_s())) continue;
+    if (fault.axis != int(axis) || !s.in_force(fault, RigFaultKind::too_fast)) continue;
     rate_degps *= fault.rate_factor;
     acceleration_degps2 *= fault.acceleration_factor;
   }
@@ -409,20 +403,18 @@ Rig::AxisState Rig::axis(Axis axis) const {
   const std::size_t i = index(axis);
   const AxisPoint point = s.axes[i].reading(s.k, 0.0);
   const RigState::Command& command = s.commands[i];
-  AxisState state;
-  state.position_deg = point.position_deg;
-  state.rate_degps = point.rate_degps;
-  state.target_deg = command.target_deg;
-  state.moving = s.axes[i].turning(s.k);
-  state.fault = command.fault;
-  state.stuck = command.stuck;
-  for (const RigFault& fault : s.config.faults) {
-    if (fault.kind == RigFaultKind::never_in_position && in_force(fault, axis, s.time_s()))
-      state.never_in_position = true;
-  }
-  state.started_s = command.started_s;
-  state.stopped_s = s.axes[i].command_end_s();
-  return state;
+  const bool never_in_position = std::ranges::any_of(s.config.faults, [&](const RigFault& fault) {
+    return fault.axis == int(axis) && s.in_force(fault, RigFaultKind::never_in_position);
+  });
+  return {.position_deg = point.position_deg,
+          .rate_degps = point.rate_degps,
+          .target_deg = command.target_deg,
+          .moving = s.axes[i].turning(s.k),
+          .fault = command.fault,
+          .stuck = command.stuck,
+          .never_in_position = never_in_position,
+          .started_s = command.started_s,
+          .stopped_s = s.axes[i].command_end_s()};
 }
 
 bool Rig::emergency_stop() const {

@@ -19,8 +19,7 @@ constexpr double last_utc_s = 253402300799.0;  // the end of the year 9999
 constexpr std::int64_t most_counter = max_counter / 2;
 
 const std::vector<std::string> table_axes = {"heading", "pitch", "roll"};  // in the order of Axis
-
-void read_sensor_axis(KeyTable& keys, const std::string& key, int& axis) { keys.chosen(key, axis, {"x", "y", "z"}); }
+const std::vector<std::string> sensor_axes = {"x", "y", "z"};
 
 template <class Seed>
 void read_seed(KeyValueFile& file, const std::string& key, Seed& seed) {
@@ -71,9 +70,8 @@ void read_table_errors(KeyTable& keys, RigTableErrors& errors) {
   keys.number("table_error.north_arcmin", errors.north_arcmin);
   keys.number("table_error.heading_pitch_arcmin", errors.heading_pitch_arcmin);
   keys.number("table_error.pitch_roll_arcmin", errors.pitch_roll_arcmin);
-  const char* const body[] = {"x", "y", "z"};
   for (std::size_t i = 0; i < 3; ++i)
-    keys.number(std::string("table_error.mounting_") + body[i] + "_arcmin", errors.mounting_arcmin[i]);
+    keys.number("table_error.mounting_" + sensor_axes[i] + "_arcmin", errors.mounting_arcmin[i]);
   for (Axis axis : all_axes) {
     const std::size_t i = index(axis);
     const std::string prefix = std::string("table_error.") + to_string(axis) + ".";
@@ -114,24 +112,24 @@ void read_effects(KeyTable& keys, RigEffects& effects) {
 }
 
 void read_outside(KeyTable& keys, RigOutsideEffects& outside) {
-  read_sensor_axis(keys, "outside.gyro_bias_step.axis", outside.gyro_bias_step.axis);
+  keys.chosen("outside.gyro_bias_step.axis", outside.gyro_bias_step.axis, sensor_axes);
   keys.number("outside.gyro_bias_step.time_s", outside.gyro_bias_step.time_s);
   keys.number("outside.gyro_bias_step.size_degph", outside.gyro_bias_step.size);
-  read_sensor_axis(keys, "outside.accel_bias_step.axis", outside.accel_bias_step.axis);
+  keys.chosen("outside.accel_bias_step.axis", outside.accel_bias_step.axis, sensor_axes);
   keys.number("outside.accel_bias_step.time_s", outside.accel_bias_step.time_s);
   keys.number("outside.accel_bias_step.size_ug", outside.accel_bias_step.size);
   auto& angle = outside.gyro_angle_periodic;
-  read_sensor_axis(keys, "outside.gyro_angle_periodic.axis", angle.axis);
+  keys.chosen("outside.gyro_angle_periodic.axis", angle.axis, sensor_axes);
   keys.chosen("outside.gyro_angle_periodic.table_axis", angle.table_axis, table_axes);
   keys.whole("outside.gyro_angle_periodic.order", angle.order, 0, 1000);
   keys.number("outside.gyro_angle_periodic.size_degph", angle.size_degph);
   keys.number("outside.gyro_angle_periodic.phase_deg", angle.phase_deg);
   auto& time = outside.accel_time_periodic;
-  read_sensor_axis(keys, "outside.accel_time_periodic.axis", time.axis);
+  keys.chosen("outside.accel_time_periodic.axis", time.axis, sensor_axes);
   keys.number("outside.accel_time_periodic.size_ug", time.size_ug);
   keys.number("outside.accel_time_periodic.period_s", time.period_s, above_zero);
   keys.number("outside.accel_time_periodic.phase_deg", time.phase_deg);
-  read_sensor_axis(keys, "outside.accel_hysteresis.axis", outside.accel_hysteresis.axis);
+  keys.chosen("outside.accel_hysteresis.axis", outside.accel_hysteresis.axis, sensor_axes);
   keys.number("outside.accel_hysteresis.size_ug", outside.accel_hysteresis.size_ug);
 }
 
@@ -154,7 +152,7 @@ void read_fault(KeyValueFile& file, const std::string& prefix, RigFault& fault) 
   if (by_sample) fault.sample = file.integer(key("sample"), 0);
   if (!by_sample) fault.time_s = file.number(key("time_s"), zero_or_more);
   if (is_any({lost_sample, invalid_sample})) fault.count = file.integer_or(key("count"), 1, 1);
-  if (is_any({gyro_glitch, velocity_knock})) read_sensor_axis(keys, key("axis"), fault.axis);
+  if (is_any({gyro_glitch, velocity_knock})) keys.chosen(key("axis"), fault.axis, sensor_axes);
   if (is_any({table_moved, too_fast, never_in_position, stuck_axis, axis_fault}))
     keys.chosen(key("axis"), fault.axis, table_axes);
   if (is_any({gyro_glitch})) fault.size = file.number(key("size_mrad"), any_size);
@@ -230,8 +228,6 @@ bool concerns_unit(RigFaultKind kind) { return kind <= RigFaultKind::imu_unplugg
 const std::array<const char*, 24> rig_truth_keys = {"N01", "N02", "N03", "A01", "A02", "A03", "n11", "n12",
                                                     "n13", "n21", "n22", "n23", "n31", "n32", "n33", "a11",
                                                     "a12", "a13", "a21", "a22", "a23", "a31", "a32", "a33"};
-
-RigConfig default_rig_config() { return {}; }
 
 RigConfig rig_of_unit(const RigConfig& config, std::size_t unit) {
   RigConfig own = config;

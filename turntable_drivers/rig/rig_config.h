@@ -213,7 +213,7 @@ struct RigConfig {
 // The names of truth[], in the order of Table 1.
 extern const std::array<const char*, 24> rig_truth_keys;
 
-RigConfig default_rig_config();
+inline RigConfig default_rig_config() { return {}; }
 // Reads a configuration. Errors (kind input) name file, line, key, value and what was expected; an unknown key is an error.
 // A missing key keeps the value of `base`.
 Result<RigConfig> read_rig_config(const std::string& path, const RigConfig& base = {});

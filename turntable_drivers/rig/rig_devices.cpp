@@ -13,8 +13,6 @@ Error table_error(const std::string& what) { return device_error("simulated tabl
 
 Error axis_error(Axis axis, const std::string& what) { return table_error(std::string(to_string(axis)) + ": " + what); }
 
-std::string number(double value) { return format_number(value); }
-
 }  // namespace
 
 Status RigTable::reachable() {
@@ -103,14 +101,16 @@ Status RigTable::move_absolute(Axis axis, double position_deg, double rate_degps
   if (!homed_[i]) return axis_error(axis, "not homed");
   if (rig_.axis(axis).moving) return axis_error(axis, "a motion is under way: expected it finished or stopped");
   if (!(position_deg >= table.limit_min_deg[i] && position_deg <= table.limit_max_deg[i]))
-    return axis_error(axis, "move to " + number(position_deg) + " deg: expected " + number(table.limit_min_deg[i]) +
-                                " to " + number(table.limit_max_deg[i]) + " deg");
+    return axis_error(axis, "move to " + format_number(position_deg) + " deg: expected " +
+                                format_number(table.limit_min_deg[i]) + " to " + format_number(table.limit_max_deg[i]) +
+                                " deg");
   if (!(rate_degps > 0.0 && rate_degps <= table.max_rate_degps[i]))
-    return axis_error(axis, "rate " + number(rate_degps) + " deg/s: expected above 0 and at most " +
-                                number(table.max_rate_degps[i]) + " deg/s");
+    return axis_error(axis, "rate " + format_number(rate_degps) + " deg/s: expected above 0 and at most " +
+                                format_number(table.max_rate_degps[i]) + " deg/s");
   if (!(acceleration_degps2 > 0.0 && acceleration_degps2 <= table.max_acceleration_degps2[i]))
-    return axis_error(axis, "acceleration " + number(acceleration_degps2) + " deg/s^2: expected above 0 and at most " +
-                                number(table.max_acceleration_degps2[i]) + " deg/s^2");
+    return axis_error(axis, "acceleration " + format_number(acceleration_degps2) +
+                                " deg/s^2: expected above 0 and at most " +
+                                format_number(table.max_acceleration_degps2[i]) + " deg/s^2");
   for (Rig* rig : rigs_) rig->command_move(axis, position_deg, rate_degps, acceleration_degps2);
   return {};
 }
@@ -231,8 +231,5 @@ Result<std::size_t> RigImu::read(std::span<ImuSample> out, double timeout_s) {
   }
   return delivered;
 }
-
-ImuLinkCounters RigImu::counters() const { return counters_; }
-void RigImu::close() { open_ = false; }
 
 }  // namespace turncal

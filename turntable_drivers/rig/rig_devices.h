@@ -65,8 +65,8 @@ class RigImu : public ImuSource {
   // Pulses, period and pulse weight of the rig's configuration, with temperature, simulated = true.
   void describe(RecordingInfo& info) const override;
   Result<std::size_t> read(std::span<ImuSample> out, double timeout_s) override;
-  ImuLinkCounters counters() const override;
-  void close() override;
+  ImuLinkCounters counters() const override { return counters_; }
+  void close() override { open_ = false; }
 
  private:
   Rig& rig_;

@@ -18,7 +18,6 @@ Vector3d into_y(const SinCos& a, const Vector3d& v) {
 Vector3d into_z(const SinCos& a, const Vector3d& v) {
   return {a.cos * v[0] + a.sin * v[1], -a.sin * v[0] + a.cos * v[1], v[2]};
 }
-SinCos negative(const SinCos& a) { return {-a.sin, a.cos}; }
 
 }  // namespace
 
@@ -47,7 +46,7 @@ TableGeometry::TableGeometry(const GeometryAngles& angles, const SiteVectors& si
 }
 
 Vector3d TableGeometry::to_body(const Vector3d& v_table, const std::array<TrueAxis, 3>& axes) const {
-  const Vector3d v_heading = into_y(negative(axes[0].angle), v_table);
+  const Vector3d v_heading = into_y({-axes[0].angle.sin, axes[0].angle.cos}, v_table);
   const Vector3d v_pitch = into_z(axes[1].angle, heading_pitch_.transpose() * v_heading);
   const Vector3d v_roll = into_x(axes[2].angle, pitch_roll_.transpose() * v_pitch);
   return mounting_.transpose() * v_roll;

@@ -15,10 +15,7 @@ Matrix3d matrix(const Nine& nine) { return Eigen::Map<const RowMajor3>(nine.data
 
 template <class Array>
 bool any(const Array& values) {
-  for (double value : values) {
-    if (value != 0.0) return true;
-  }
-  return false;
+  return std::ranges::any_of(values, [](double value) { return value != 0.0; });
 }
 
 }  // namespace
@@ -127,20 +124,14 @@ double SensorEffects::next_hysteresis_state(const BodyMotion& motion, double sta
 }
 
 PulseCounter::PulseCounter(const Matrix3d& scale, const Vector3d& bias, double period_s, RigQuantisation quantisation)
-    : quantisation_(quantisation) {
-  const Matrix3d inverse = scale.inverse();
-  const Vector3d offset = inverse * bias * period_s;
-  for (int i = 0; i < 3; ++i) {
-    offset_[std::size_t(i)] = offset[i];
-    for (int j = 0; j < 3; ++j) inverse_[std::size_t(i)][std::size_t(j)] = inverse(i, j);
-  }
-}
+    : inverse_(scale.inverse()), offset_(inverse_ * bias * period_s), quantisation_(quantisation) {}
 
 std::array<double, 3> PulseCounter::count(const std::array<double, 3>& increment) {
   std::array<double, 3> pulses;
   for (std::size_t i = 0; i < 3; ++i) {
-    const std::array<double, 3>& row = inverse_[i];
-    const double real = row[0] * increment[0] + row[1] * increment[1] + row[2] * increment[2] + offset_[i];
+    const auto row = inverse_.row(Eigen::Index(i));
+    const double real =
+        row[0] * increment[0] + row[1] * increment[1] + row[2] * increment[2] + offset_[Eigen::Index(i)];
     if (quantisation_ == RigQuantisation::off) {
       pulses[i] = real;
     } else {

@@ -57,7 +57,6 @@ class SensorEffects {
 // Converts the increments of a triad to pulses: p = inverse(scale) * (increment + bias * period), counted.
 class PulseCounter {
  public:
-  PulseCounter() = default;
   // scale: SI units per pulse (rad or m/s); bias: a rate in SI units. REQUIRES: scale is invertible
   PulseCounter(const Eigen::Matrix3d& scale, const Eigen::Vector3d& bias, double period_s,
                RigQuantisation quantisation);
@@ -66,10 +65,10 @@ class PulseCounter {
   std::array<double, 3> count(const std::array<double, 3>& increment);
 
  private:
-  std::array<std::array<double, 3>, 3> inverse_{};
-  std::array<double, 3> offset_{};
+  Eigen::Matrix3d inverse_;
+  Eigen::Vector3d offset_;
   std::array<double, 3> rest_{};  // fraction of a pulse not counted yet
-  RigQuantisation quantisation_ = RigQuantisation::off;
+  RigQuantisation quantisation_;
 };
 
 // The noise of one triad, added to the three true increments of a sample.
