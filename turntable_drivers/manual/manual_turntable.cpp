@@ -289,12 +289,11 @@ void ManualTurntable::look_at_input() {
   if (rehearsed_) {
     handle_lines();
     if (waits_for_answer() && read_input(true)) handle_lines();
-    if (waits_for_answer() && input_ended_)
-      end(ErrorKind::interrupted, "end of input: expected the operator's answers");
   } else {
     while (read_input(false)) handle_lines();
-    if (input_ended_) end(ErrorKind::interrupted, "end of input: expected the operator's answers");
   }
+  if (input_ended_ && (!rehearsed_ || waits_for_answer()))
+    end(ErrorKind::interrupted, "end of input: expected the operator's answers");
   keep_limits();
 }
 

@@ -42,9 +42,6 @@ constexpr int illegal_function = 1, illegal_address = 2, illegal_value = 3, devi
 
 }  // namespace
 
-ModbusTwin::ModbusTwin(RegisterMap map, Turntable& table, const Clock& clock)
-    : map_(std::move(map)), table_(table), clock_(clock) {}
-
 Status ModbusTwin::power_on() { return table_.power_on(map_.list(TableOperation::enable).empty()); }
 
 void ModbusTwin::tick() {
@@ -76,7 +73,6 @@ std::optional<std::vector<std::uint16_t>> ModbusTwin::registers_of(const StatusB
     if (scale.unit != map_.of(axis).unit || block.read_at(scale) != block.read_at(map_.of(axis))) continue;
     const Result<AxisStatus> now = table_.status(which);
     if (!now) return {};
-    const auto place = [&](int address) { return std::size_t(address - block.address); };
     const auto put = [&](const RegisterField& field, double value) {
       const std::optional<Words> words = encode_words(value, field.type, map_.layout);
       if (!words || !block.holds(field.address)) return;
@@ -99,7 +95,7 @@ std::optional<std::vector<std::uint16_t>> ModbusTwin::registers_of(const StatusB
     for (std::size_t i = 0; i < scale.bits.size(); ++i) {
       const std::optional<StatusBit>& bit = scale.bits[i];
       if (!bit || !block.holds(bit->address)) continue;
-      std::uint16_t& word = registers[place(bit->address)];
+      std::uint16_t& word = registers[std::size_t(bit->address - block.address)];
       if (!bit->codes.empty()) {
         word = std::uint16_t((word & ~bit->mask) | code_of(scale, *bit, state));
       } else if (state[i] == bit->active_high) {
@@ -144,12 +140,12 @@ bool ModbusTwin::matches(const WriteStep& step, TableOperation operation, Axis a
   for (const WriteOperand& operand : step.operands) {
     const double value = decode_words(std::span(request.values).subspan(at), operand.type, map_.layout);
     at += std::size_t(register_count(operand.type));
-    const bool is_code = operand.kind == WriteOperand::Kind::axis;
     if (operand.kind == WriteOperand::Kind::quantity) {
       operands[{operand.quantity, operand.of_axis ? int(*operand.of_axis) : addressed}] = value;
       continue;
     }
-    const double expected = is_code ? map_.of(operand.of_axis.value_or(axis)).code : operand.constant;
+    const double expected =
+        operand.kind == WriteOperand::Kind::axis ? map_.of(operand.of_axis.value_or(axis)).code : operand.constant;
     const std::optional<Words> constant = encode_words(expected, operand.type, map_.layout);
     if (!constant || decode_words(constant->span(), operand.type, map_.layout) != value) return false;
   }
@@ -178,24 +174,21 @@ ModbusTwin::Answer ModbusTwin::write(const ModbusRequest& request) {
     }
     for (int i = 0; i < table_operation_count; ++i) {
       const auto operation = static_cast<TableOperation>(i);
-      WriteList list;
-      for (const WriteStep& step : map_.list(operation)) {
-        if (!step.operands.empty()) list.push_back(step);
-      }
+      WriteList list = map_.list(operation);
+      std::erase_if(list, [](const WriteStep& step) { return step.operands.empty(); });
       if (list.empty() || (map_.once(operation) && axis != Axis::heading)) continue;
       Progress& progress = progress_[index(axis)][std::size_t(i)];
       Operands operands = progress.operands;
       if (!matches(list[progress.step], operation, axis, request, operands)) {
         operands.clear();
-        const bool of_list = matches(list[0], operation, axis, request, operands);
-        if (of_list) progress.step = 0;
-        if (!of_list) {
+        if (!matches(list[0], operation, axis, request, operands)) {
           for (const WriteStep& step : list) {
             known = known || (request.unit == map_.unit_of(operation, axis) &&
                               request.address == map_.address_of(step, operation, axis));
           }
           continue;
         }
+        progress.step = 0;
       }
       known = true;
       progress.operands = operands;

@@ -31,7 +31,8 @@ namespace turncal {
 class ModbusTwin : public LineServer {
  public:
   // The table and the clock must outlive the twin.
-  ModbusTwin(RegisterMap map, Turntable& table, const Clock& clock);
+  ModbusTwin(RegisterMap map, Turntable& table, const Clock& clock)
+      : map_(std::move(map)), table_(table), clock_(clock) {}
 
   Status power_on();  // connects to the table and enables it if the map has no enable write
   struct Answer {
