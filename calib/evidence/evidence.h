@@ -73,11 +73,10 @@ std::vector<EffectColumn> fit_by_names(const Evidence& evidence, Names names_of,
 }
 
 // A rest is compared with all others in runs of some hundred rests: one clean run in ten thousand has a rest this far off.
-struct LastRestLimits {
+inline constexpr struct LastRestLimits {
   double probability = 1e-6;
   int fewest = 8;  // turns before it
-};
-inline constexpr LastRestLimits last_rest_limits;
+} last_rest_limits;
 
 // Does the last dwell of a recording, or the turn before it, disagree with all the others? If that dwell was repeated in its
 // pose, the last take is tested; the other takes in that pose are left out of the comparison.

@@ -44,7 +44,7 @@ struct GateLimits {
 };
 
 // Hand-turned data (rests, rest_diagnosis.h).
-struct RestLimits {
+inline constexpr struct RestLimits {
   // Observations beyond the 21 parameters below which any name fits; and the left-out error over the fitted one above
   // which the fit depends on single rests: the ratio is 2 if half of them are redundant.
   double least_redundancy = 20.0, most_leverage = 5.0;
@@ -59,11 +59,10 @@ struct RestLimits {
   double unseen_ratio = 1e-7;
   // One pose: minimum time (s) for noise and coefficients, and minimum range of temperature (C), of which a thermometer's 0.1 C is a fifth.
   double least_pose_s = 100.0, least_temperature_span_c = 0.5;
-};
-inline constexpr RestLimits rest_limits;
+} rest_limits;
 
 // Rests found in a stream (segmentation.h).
-struct SegmentationLimits {
+inline constexpr struct SegmentationLimits {
   // Fewer rests calibrate nothing: the accelerometers have nine parameters, and a rest gives one equation, with noise of its own.
   int fewest_rests = 4;
   // Stretch of log10 threshold over which the number of rests must stay the same: two and a half steps of the search.
@@ -76,11 +75,10 @@ struct SegmentationLimits {
   double smooth_motion = 30.0;
   // Variance over that of a quiet rest up to which a rest may tremble: held by hand 500 (docs/accuracy.md), a turn of 1 deg/s 10^4 and more.
   double most_tremor = 1000.0;
-};
-inline constexpr SegmentationLimits segmentation_limits;
+} segmentation_limits;
 
 // Gyros at the end of their range (clipping.h).
-struct ClippingLimits {
+inline constexpr struct ClippingLimits {
   // Repeats of one and the same extreme value: in a row, and in all. Three in a row within a band of many equally
   // likely values have a probability of one in the band's width squared.
   std::int64_t shortest_run = 3, fewest = 6;
@@ -90,11 +88,10 @@ struct ClippingLimits {
   double least_steps = 50.0;
   // In a table's turn, where a gyro repeats itself anyway, the turn must also fall short of the commanded one by this part: 12 arcmin of 20 deg.
   double short_by = 0.01;
-};
-inline constexpr ClippingLimits clipping_limits;
+} clipping_limits;
 
 // The start of the joint estimate, and its restarts (joint_start.cpp, joint_estimate.cpp).
-struct StartLimits {
+inline constexpr struct StartLimits {
   // Mean square of the sine between gravity at rest and its direction by the table's angles, up to which a mounting fits: 0.2 rad. The next
   // of the 24 is off by 1 in half the rests or more. And the part of the misfit that another mounting must leave to be preferred: rounding.
   double mounting_misfit = 0.04, better_mounting = 0.98;
@@ -107,11 +104,10 @@ struct StartLimits {
   double large_bias_degph = 20.0;
   // chi2 per observation above which another start is tried: ten times the noise.
   double misfit = 100.0;
-};
-inline constexpr StartLimits start_limits;
+} start_limits;
 
 // Many units (fleet).
-struct FleetLimits {
+inline constexpr struct FleetLimits {
   // False-alarm probability in a fleet without any effect: of all tests of levels together, and of units that stand out.
   double false_alarm = 0.01, unit_false_alarm = 0.01;
   // Lead in z^2 of a change in time over a constant: "very strong" in the scale of Kass and Raftery, as bic_margin.
@@ -125,11 +121,10 @@ struct FleetLimits {
   double open_direction = 0.01;
   // Minimum number of other units for a prior on the 21 parameters, and of pairs of calibrations for the unit's own history.
   std::size_t least_prior_units = 10, least_prior_pairs = 10;
-};
-inline constexpr FleetLimits fleet_limits;
+} fleet_limits;
 
 // Where a recording contradicts itself (joint_faults.cpp).
-struct FaultLimits {
+inline constexpr struct FaultLimits {
   // chi2 of the three velocities of a second above which it is no noise: one second in 10^9, one recording of two hours in 2e5.
   double chi_square = 44.8;
   // And above this many times the given quantile of the seconds after a rotation: an effect that the model lacks acts after each.
@@ -142,27 +137,22 @@ struct FaultLimits {
   int most_filled = 5;
   // Filled gaps that are listed one by one; more of them are one line.
   int most_listed = 20;
-};
-inline constexpr FaultLimits fault_limits;
+} fault_limits;
 
 // What a recording determines (score_algebra.h).
-struct DeterminedLimits {
+inline constexpr struct DeterminedLimits {
   // A direction is determined if the data shrink its plausible range to this part; a parameter with this part in an open one takes part in it.
   double of_range = 0.1, smallest_part = 0.1;
   // A parameter is lost if the open directions may move it by more than this part of its sigma from the determined ones.
   double of_sigma = 0.5;
-};
-inline constexpr DeterminedLimits determined_limits;
+} determined_limits;
 
 // Several recordings of one unit (several_recordings.h): they disagree if chance makes such a difference once in a
 // thousand. A line that calibrates a unit a day has one false alarm in three years.
-struct AgreementLimits {
-  double chance = 1e-3;
-};
-inline constexpr AgreementLimits agreement_limits;
+inline constexpr struct AgreementLimits { double chance = 1e-3; } agreement_limits;
 
 // Does the Earth's rate match the stated latitude? (felt_latitude.h, alignment.h)
-struct LatitudeLimits {
+inline constexpr struct LatitudeLimits {
   // The limit of one of 150 lack-of-fit tests that share a family-wise 0.5 %. Of 219 clean fits from -65 to 65 deg the
   // largest deviation was 2.7 sigma, the rms 1.04.
   double sigmas = 4.15;
@@ -170,10 +160,9 @@ struct LatitudeLimits {
   double least_deg = 0.03;
   // For a calibration of another day, with biases of another switch-on: a degree is 0.2 deg/h about the vertical.
   double least_of_another_day_deg = 1.0;
-};
-inline constexpr LatitudeLimits latitude_limits;
+} latitude_limits;
 
-struct NoiseLimits {
+inline constexpr struct NoiseLimits {
   // Innovations are white if no correlation at 1 to 5 s is larger, and their mean square is between these (a sixth and a tenth of
   // sigma); of few seconds, within this many sigma of chance (one in 10^5). Fewer than `fewest_seconds` are not judged.
   double white_correlation = 0.1, white_lowest = 0.8, white_highest = 1.25, of_chance = 4.5;
@@ -193,7 +182,6 @@ struct NoiseLimits {
   double lowest_level = 0.64, highest_level = 1.25;
   // Where innovations are those of pulses: a sawtooth stays within a quarter of its height squared, three times its mean square.
   double highest_of_pulses = 3.0;
-};
-inline constexpr NoiseLimits noise_limits;
+} noise_limits;
 
 }  // namespace turncal

@@ -44,6 +44,7 @@ inline constexpr std::array<bool, parameter_count> parameter_is_free = {
 const std::vector<int>& free_parameters();  // the 21
 
 using ParameterVector = Eigen::Matrix<double, parameter_count, 1>;
+using ParameterCovariance = Eigen::Matrix<double, parameter_count, parameter_count>;
 
 struct Parameters {
   Eigen::Vector3d N0_degph = Eigen::Vector3d::Zero();

@@ -29,7 +29,6 @@ inline constexpr int drift_states = 13;
 using DriftVector = Eigen::Matrix<double, drift_states, 1>;
 using DriftMatrix = Eigen::Matrix<double, drift_states, drift_states>;
 using DriftSensitivity = Eigen::Matrix<double, drift_states, parameter_count>;
-using ParameterCovariance = Eigen::Matrix<double, parameter_count, parameter_count>;
 
 // Recovers counts from calibrated increments: counts = n^-1 (dtheta + N0 T), with everything in SI and file units.
 struct CountsModel {

@@ -47,7 +47,7 @@ struct ThermalLeg {
 };
 
 // All constants; docs/thermal.md gives the reason of each.
-struct ThermalPriors {
+inline constexpr struct ThermalPriors {
   // No dependence, orders 1 to 3, and a smooth function beside them: even odds of a dependence, each further one half as likely.
   std::array<double, 5> shape = {7.5 / 15, 4.0 / 15, 2.0 / 15, 1.0 / 15, 0.5 / 15};
   double per_effect = 1.0 / 3.0;  // rate, hysteresis, loop: expected number over all parameters
@@ -63,8 +63,7 @@ struct ThermalPriors {
   double disagrees_z = 6.0;         // of a leg, from the others
   double lag = 0.5;                 // probability of a lag; its sizes as of a coefficient
   double longest_lag_h = 0.25;      // its sigma; a unit follows its own thermometer within the hour
-};
-inline constexpr ThermalPriors thermal_priors;
+} thermal_priors;
 
 struct ThermalOptions {
   std::optional<double> reference_c = {};  // default: the middle of the range
@@ -86,8 +85,6 @@ struct ThermalParameter {
   double at_least(int k) const;  // probability of order k or more, smooth functions included
   int said_order() const;        // the largest order with a probability of at least said_from
 };
-
-using ParameterCovariance = Eigen::Matrix<double, parameter_count, parameter_count>;
 
 // Mean squares over the legs, their temperature left out: errors of the others' mean and of the model, and variance of a leg and its switch-on.
 struct ThermalHoldout {
