@@ -218,8 +218,6 @@ Evidence weigh_rests(const RestData& data, const RestFit& fit, const std::vector
 
 // ---- the diagnosis ----
 
-using Eigen::VectorXd;
-
 std::string hangs_on_single_rests(RestKind kind, double left_out, double fitted) {
   if (!(left_out > rest_limits.most_leverage * fitted)) return {};
   return fmt::format(
@@ -255,11 +253,9 @@ class DiagnosingRests {
     Evidence evidence = weigh(fit, {});
     list_candidates(evidence, duration_s_, d_);
     const std::vector<EffectColumn> named = fit_by_names(evidence, names_of, [&](const auto& more) {
-      RestFitOptions options;
-      options.start_floors = r_.base.floors;
       std::vector<EstimatedEffect> start;
       for (const EffectColumn& column : more) start.push_back({column, 0.0, 0.0});
-      RestFit again = refine_rests(data_, r_.base.parameters, rest_effects(data_, start), options);
+      RestFit again = refine_rests(data_, r_.base.parameters, rest_effects(data_, start), r_.base.floors);
       if (!again.converged) return false;
       fit = std::move(again);
       evidence = weigh(fit, effects_of(fit, more));

@@ -42,8 +42,7 @@ struct Term {
 struct TermTable {
   std::vector<EffectColumn> effects;
   std::vector<Weights> bases;
-  std::vector<Eigen::MatrixXd>
-      taken_up;  // by basis: what biases and matrices absorb of each column, parameters x columns
+  std::vector<Eigen::MatrixXd> taken_up;  // by basis, parameters x columns: what biases and matrices absorb
   std::vector<Term> terms;
   std::vector<std::size_t> basis_of_effect;  // basis of each of `effects`; and its column there
   std::vector<int> column_of_effect;

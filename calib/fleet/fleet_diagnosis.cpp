@@ -351,33 +351,29 @@ FleetDiagnosis diagnose_fleet(const std::vector<FleetMember>& members, const Fle
 
 std::string cause_at_station(const std::string& component) {
   struct Cause {
-    const char* begin;
+    std::vector<std::string> begins;
     const char* text;
   };
-  static constexpr Cause causes[] = {{"earth_rate", "the latitude of the station, or a table that turns by itself"},
-                                     {"sample_period", "the clock that counts the samples"},
-                                     {"gyro_magnetic", "a magnetic field at the fixture"},
-                                     {"gyro_accel_flexure", "a fixture that bends"},
-                                     {"accel_size_effect", "where on the fixture units are mounted"},
-                                     {"post_rotation_relaxation", "a table that settles after a turn"},
-                                     {"accel_rectification", "a table that shakes while it turns"},
-                                     {"accel_creep", "a fixture that gives way under load"},
-                                     {"gyro_bias_temperature", "how the station heats the units"},
-                                     {"accel_bias_temperature", "how the station heats the units"},
-                                     {"gyro_warm_up", "how long units are on before the run"},
-                                     {"accel_warm_up", "how long units are on before the run"},
-                                     {"gyro_scale_warm_up", "how long units are on before the run"},
-                                     {"accel_scale_warm_up", "how long units are on before the run"},
-                                     {"gyro_bias_drift", "temperature of the station during the run"},
-                                     {"accel_bias_drift", "temperature of the station during the run"},
-                                     {"parameter a11", "gravity of the site"},
-                                     {"parameter a22", "gravity of the site"},
-                                     {"parameter a33", "gravity of the site"},
-                                     {"parameter n", "the clock that counts the samples, or how units are mounted"},
-                                     {"parameter N", "the latitude of the station, or a magnetic field"},
-                                     {"parameter A", "vibration at the station"}};
+  static const Cause causes[] = {
+      {{"earth_rate"}, "the latitude of the station, or a table that turns by itself"},
+      {{"sample_period"}, "the clock that counts the samples"},
+      {{"gyro_magnetic"}, "a magnetic field at the fixture"},
+      {{"gyro_accel_flexure"}, "a fixture that bends"},
+      {{"accel_size_effect"}, "where on the fixture units are mounted"},
+      {{"post_rotation_relaxation"}, "a table that settles after a turn"},
+      {{"accel_rectification"}, "a table that shakes while it turns"},
+      {{"accel_creep"}, "a fixture that gives way under load"},
+      {{"gyro_bias_temperature", "accel_bias_temperature"}, "how the station heats the units"},
+      {{"gyro_warm_up", "accel_warm_up", "gyro_scale_warm_up", "accel_scale_warm_up"},
+       "how long units are on before the run"},
+      {{"gyro_bias_drift", "accel_bias_drift"}, "temperature of the station during the run"},
+      {{"parameter a11", "parameter a22", "parameter a33"}, "gravity of the site"},
+      {{"parameter n"}, "the clock that counts the samples, or how units are mounted"},
+      {{"parameter N"}, "the latitude of the station, or a magnetic field"},
+      {{"parameter A"}, "vibration at the station"}};
   for (const Cause& cause : causes)
-    if (component.starts_with(cause.begin)) return cause.text;
+    for (const std::string& begin : cause.begins)
+      if (component.starts_with(begin)) return cause.text;
   return {};
 }
 

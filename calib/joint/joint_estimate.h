@@ -82,8 +82,8 @@ struct Fault {                                     // where the chain was cut, a
 };
 
 struct Undetermined {  // one open direction of parameter space
-  std::vector<std::pair<std::string, double>>
-      combination;  // key, weight (largest first, in file units, norm 1 in ranges)
+  // Key, weight: largest first, in file units, norm 1 in ranges.
+  std::vector<std::pair<std::string, double>> combination;
 };
 
 struct EstimatedEffect {

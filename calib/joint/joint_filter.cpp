@@ -51,6 +51,7 @@ class Filter {
       rest(interval);
     else
       turn(interval);
+    P_ = (0.5 * (P_ + P_.transpose())).eval();
     was_still_ = interval.still;
   }
 
@@ -170,7 +171,6 @@ class Filter {
       }
       if (i.observed) update(nu, L, whiten, M);
     }
-    P_ = (0.5 * (P_ + P_.transpose())).eval();
   }
 
   void turn(const LinearInterval& i) {
@@ -184,7 +184,6 @@ class Filter {
       Q_.template block<3, 3>(3, 3) += weight * n.v_v;
     }
     predict(i);
-    P_ = (0.5 * (P_ + P_.transpose())).eval();
   }
 
   // Returns the transition times a matrix of NS rows.

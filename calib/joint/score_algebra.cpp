@@ -7,27 +7,6 @@
 #include "calib/statistics/numerics.h"
 
 namespace turncal {
-namespace {
-
-// The group's part of Q, scaled to a unit diagonal, in its eigendirections above `floor`.
-struct Partial {
-  Eigen::VectorXd scale;
-  Eigen::MatrixXd directions;  // columns
-  Eigen::VectorXd values;
-};
-Partial decompose(const Scores& scores, const std::vector<int>& group, double floor) {
-  const Eigen::MatrixXd Q = scores.Q(group, group);
-  Partial p;
-  p.scale = Q.diagonal().cwiseMax(1e-300).cwiseSqrt().cwiseInverse();
-  const SymmetricEigen eigen = symmetric_eigen(p.scale.asDiagonal() * Q * p.scale.asDiagonal());
-  Eigen::Index first = 0;
-  while (first < Q.rows() && eigen.values[first] < floor) ++first;
-  p.directions = eigen.vectors.rightCols(Q.rows() - first);
-  p.values = eigen.values.tail(Q.rows() - first);
-  return p;
-}
-
-}  // namespace
 
 Scores eliminate(const Eigen::MatrixXd& information, const Eigen::VectorXd& gradient, const std::vector<int>& base,
                  const std::vector<int>& candidates) {
@@ -57,11 +36,18 @@ bool is_visible(const Scores& scores, int candidate) {
   return scores.kept[candidate] > SelectionLimits{}.visible_part && scores.Q(candidate, candidate) > 0.0;
 }
 
-double multiple_correlation(const Scores& scores, int k, const std::vector<int>& group, double floor) {
-  const Partial p = decompose(scores, group, floor);
+double multiple_correlation(const Scores& scores, int k, const std::vector<int>& group) {
+  // The group's part of Q, scaled to a unit diagonal, in its eigendirections above rounding.
+  const Eigen::MatrixXd Q = scores.Q(group, group);
+  const Eigen::VectorXd scale = Q.diagonal().cwiseMax(1e-300).cwiseSqrt().cwiseInverse();
+  const SymmetricEigen eigen = symmetric_eigen(scale.asDiagonal() * Q * scale.asDiagonal());
+  Eigen::Index first = 0;
+  while (first < Q.rows() && eigen.values[first] < 1e-6) ++first;
+  const Eigen::MatrixXd directions = eigen.vectors.rightCols(Q.rows() - first);
+  const Eigen::VectorXd values = eigen.values.tail(Q.rows() - first);
   const Eigen::MatrixXd cross = scores.Q(group, std::vector<int>{k});
-  const Eigen::VectorXd along = p.directions.transpose() * p.scale.cwiseProduct(cross.col(0));
-  const double explained = along.cwiseAbs2().cwiseQuotient(p.values).sum();
+  const Eigen::VectorXd along = directions.transpose() * scale.cwiseProduct(cross.col(0));
+  const double explained = along.cwiseAbs2().cwiseQuotient(values).sum();
   return std::sqrt(std::clamp(explained / std::max(scores.Q(k, k), 1e-300), 0.0, 1.0));
 }
 

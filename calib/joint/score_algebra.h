@@ -25,7 +25,7 @@ Scores eliminate(const Eigen::MatrixXd& information, const Eigen::VectorXd& grad
 bool is_visible(const Scores& scores, int candidate);
 
 // Multiple correlation of candidate k with a group: 1 when the group can imitate it.
-double multiple_correlation(const Scores& scores, int k, const std::vector<int>& group, double floor = 1e-6);
+double multiple_correlation(const Scores& scores, int k, const std::vector<int>& group);
 
 // What a recording determines, and the least-squares step within it.
 //

@@ -84,18 +84,16 @@ class Candidates {
   using Rows24 = Eigen::Matrix<double, 3, parameter_count>;
   // C delta omega and C delta f, n frame: derivatives by the parameters in SI.
   static Rows24 turned_wrong(const Eigen::Matrix3d& C, const Eigen::Vector3d& rate_b) {
-    Rows24 rows = Rows24::Zero();
-    rows.leftCols<3>() = -C;
-    for (int i = 0; i < 3; ++i)
-      for (int j = 0; j < 3; ++j) rows.col(6 + 3 * i + j) = C.col(i) * rate_b[j];
-    return rows;
+    return felt_wrong(C, rate_b, 0, 6);
   }
   Rows24 pushed_wrong(const Eigen::Matrix3d& C) const {
-    const Eigen::Vector3d force_b = C.transpose() * Eigen::Vector3d(0.0, task_.info.gravity_mps2, 0.0);
+    return felt_wrong(C, C.transpose() * Eigen::Vector3d(0.0, task_.info.gravity_mps2, 0.0), 3, 15);
+  }
+  static Rows24 felt_wrong(const Eigen::Matrix3d& C, const Eigen::Vector3d& felt_b, int bias, int matrix) {
     Rows24 rows = Rows24::Zero();
-    rows.middleCols<3>(3) = -C;
+    rows.middleCols<3>(bias) = -C;
     for (int i = 0; i < 3; ++i)
-      for (int j = 0; j < 3; ++j) rows.col(15 + 3 * i + j) = C.col(i) * force_b[j];
+      for (int j = 0; j < 3; ++j) rows.col(matrix + 3 * i + j) = C.col(i) * felt_b[j];
     return rows;
   }
   // f x psi for f = (0, g, 0).

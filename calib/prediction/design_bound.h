@@ -29,9 +29,8 @@ struct BoundTask {
   double settle_s = 0.0;      // of every turn
   double least_rest_s = 0.0;  // after every turn, or every other one
   double acceleration_degps2 = 20.0;
-  std::array<std::vector<double>, 3>
-      poses_deg;                  // poses of rests and of the beginnings of turns, by Axis; one: this axis is fixed
-  std::vector<double> turns_deg;  // above zero; each may go either way
+  std::array<std::vector<double>, 3> poses_deg;  // of rests and beginnings of turns, by Axis; one: this axis is fixed
+  std::vector<double> turns_deg;                 // above zero; each may go either way
   std::vector<double> rates_degps;
   bool worst = false;   // bounds the largest ln(sigma / aim) in place of the mean
   ParameterVector aim;  // sigma, file units; 0: this parameter does not count

@@ -309,7 +309,7 @@ VectorXd left_out_residual(const RestSystem& system, const VectorXd& weights) {
 }
 
 RestFit refine_rests(const RestData& data, const Parameters& start, const EffectModel& effects,
-                     const RestFitOptions& options) {
+                     const std::optional<RestFloors>& floors) {
   RestFit fit;
   fit.parameters = start;
   fit.effect_values =
@@ -317,7 +317,7 @@ RestFit refine_rests(const RestData& data, const Parameters& start, const Effect
   EffectModel model = effects;
   model.values = fit.effect_values;
   RestSystem system = make_rest_system(data, fit.parameters, model, true);
-  fit.floors = options.start_floors ? *options.start_floors : start_floors(system);
+  fit.floors = floors ? *floors : start_floors(system);
   constexpr int most_iterations = 40;
   double damping = 0.0;
   for (fit.iterations = 1; fit.iterations <= most_iterations; ++fit.iterations) {
@@ -353,9 +353,9 @@ RestFit refine_rests(const RestData& data, const Parameters& start, const Effect
       fit.message = "the residuals do not fall any further before convergence";
       break;
     }
-    const RestFloors floors = estimate_floors(system, redundancy(system, w.basis()));
-    const double change = ((floors - fit.floors).abs() / floors.max(fit.floors).max(1e-12)).maxCoeff();
-    fit.floors = floors;
+    const RestFloors next = estimate_floors(system, redundancy(system, w.basis()));
+    const double change = ((next - fit.floors).abs() / next.max(fit.floors).max(1e-12)).maxCoeff();
+    fit.floors = next;
     if (largest_move < 1e-2 && change < 1e-3) {
       fit.converged = true;
       fit.message = "converged";
@@ -367,9 +367,8 @@ RestFit refine_rests(const RestData& data, const Parameters& start, const Effect
   return fit;
 }
 
-Result<RestFit> fit_rests(const RestData& data, const EffectModel& effects, const RestFitOptions& options) {
-  Parameters start = TRY(coarse_rest_parameters(data));
-  return refine_rests(data, start, effects, options);
+Result<RestFit> fit_rests(const RestData& data, const EffectModel& effects) {
+  return refine_rests(data, TRY(coarse_rest_parameters(data)), effects);
 }
 
 }  // namespace turncal

@@ -50,24 +50,19 @@ struct RestFit {
   Eigen::VectorXd sigma;                  // 24 parameters (0: fixed, NaN: not determined), then effects
   std::vector<std::string> undetermined;  // parameters and effect columns that the motion does not determine
   RestFloors floors = RestFloors::Zero();
-  RestErrors errors;                                 // on the fitted data
-  RestErrors left_out;                               // cross-validated: each leg, each rest
-  std::array<double, rest_kind_count> redundancy{};  // rows less the parameters' share, by kind
-  std::array<double, rest_kind_count>
-      white_ratio{};  // rms over that of white noise alone: 1 when nothing else is there
+  RestErrors errors;                                  // on the fitted data
+  RestErrors left_out;                                // cross-validated: each leg, each rest
+  std::array<double, rest_kind_count> redundancy{};   // rows less the parameters' share, by kind
+  std::array<double, rest_kind_count> white_ratio{};  // rms over that of white noise: 1 when nothing else is there
   int iterations = 0;
-};
-
-struct RestFitOptions {
-  std::optional<RestFloors> start_floors;  // of a similar model; default: from the residuals of the start
 };
 
 // `effects.values` is the start for the effects; all columns are estimated. Returns an error if there are too few rests
 // or rotations to start from; a fit that does not converge has converged = false.
-Result<RestFit> fit_rests(const RestData& data, const EffectModel& effects, const RestFitOptions& options = {});
-// The same from a given start, without the coarse one.
+Result<RestFit> fit_rests(const RestData& data, const EffectModel& effects);
+// The same from a given start, without the coarse one. Floors to start from: of a similar model; default: from the residuals of the start.
 RestFit refine_rests(const RestData& data, const Parameters& start, const EffectModel& effects,
-                     const RestFitOptions& options = {});
+                     const std::optional<RestFloors>& floors = {});
 
 // Returns the floor of each kind at which its weighted sum of squares equals its `freedom`.
 RestFloors estimate_floors(const RestSystem& system, const std::array<double, rest_kind_count>& freedom);
