@@ -3,6 +3,7 @@
 #include "calib/statistics/block_motion.h"
 
 #include "calib/model/attitude.h"
+#include "tests/calib/closed_form_fixture.h"
 #include "tests/calib/compress.h"
 #include "tests/test.h"
 
@@ -12,16 +13,6 @@ namespace {
 using Eigen::Matrix3d;
 using Eigen::Vector3d;
 using VectorFunction = std::function<Vector3d(double)>;
-
-// A unit as wrong as that of Wang (2020): biases, scale factors off by per cents, misalignments of arc-minutes.
-Parameters wrong_unit() {
-  Parameters p;
-  p.N0_degph << -0.078921, 0.025013, 0.084675;
-  p.A0_g << 0.003576, -0.0016021, -0.0059875;
-  p.n << 0.932978, 0.001801, -0.000801, -0.001657, 0.932801, 0.000914, 0.000510, -0.004321, 0.932801;
-  p.a << 0.980101, 0.000801, -0.000330, 0.0, 1.080798, 0.000986, 0.0, 0.0, 0.953105;
-  return p;
-}
 
 // ---- motion from functions of time
 

@@ -17,16 +17,22 @@ inline void expect_within(const ParameterDistance& found, const ParameterDistanc
   EXPECT_LT(found.accel_matrix, limit.accel_matrix) << what;
 }
 
-// That unit (Table 1 there; scale factors of the accelerometers up to 8 % off) on a table that is 3 arc-minutes
-// off level and north, without noise.
+// The unit of Wang (2020), Table 1: biases, scale factors off by per cents (of the accelerometers up to 8), misalignments of arc-minutes.
+inline Parameters wrong_unit() {
+  Parameters p;
+  p.N0_degph << -0.078921, 0.025013, 0.084675;
+  p.A0_g << 0.003576, -0.0016021, -0.0059875;
+  p.n << 0.932978, 0.001801, -0.000801, -0.001657, 0.932801, 0.000914, 0.000510, -0.004321, 0.932801;
+  p.a << 0.980101, 0.000801, -0.000330, 0.0, 1.080798, 0.000986, 0.0, 0.0, 0.953105;
+  return p;
+}
+
+// That unit on a table that is 3 arc-minutes off level and north, without noise.
 inline RigConfig paper_unit() {
   RigConfig config = noise_free(default_rig_config());
   config.table_errors.random_arcmin = 0.0;
-  constexpr std::array<double, 24> table1 = {
-      -0.078921, 0.025013, 0.084675,  0.003576,  -0.0016021, -0.0059875,                                  // N0, A0
-      0.932978,  0.001801, -0.000801, -0.001657, 0.932801,   0.000914,   0.000510, -0.004321, 0.932801,   // n
-      0.980101,  0.000801, -0.000330, 0.0,       1.080798,   0.000986,   0.0,      0.0,       0.953105};  // a
-  for (std::size_t i = 0; i < table1.size(); ++i) config.truth[i] = table1[i];
+  const ParameterVector table1 = to_vector(wrong_unit());
+  std::ranges::copy(table1, config.truth.begin());
   config.table_errors.tilt_north_arcmin = 3.0;
   config.table_errors.tilt_east_arcmin = -3.0;
   config.table_errors.north_arcmin = 3.0;

@@ -72,13 +72,8 @@ TEST_F(LimitedTable, WhereTheTableWasWithoutACommandCounts) {
 // ---- described tables
 
 const std::string plain_tcp = plain_map_text("tcp"), circle_rtu = circle_map_text("rtu");
-template <const std::string& text>
-struct ModbusFactory : DescribedFactory<TwinStation> {
-  ModbusFactory() : DescribedFactory(map_of(text)) {}
-  static constexpr double beyond_limits_deg = 3601.0;  // refused by the twin
-};
-using Plain = ModbusFactory<plain_tcp>;
-using Circle = ModbusFactory<circle_rtu>;
+using Plain = MapFactory<plain_tcp>;
+using Circle = MapFactory<circle_rtu>;
 INSTANTIATE_TYPED_TEST_SUITE_P(ModbusTcp, TableContract, Plain);
 INSTANTIATE_TYPED_TEST_SUITE_P(ModbusCircleRtu, TableContract, Circle);
 

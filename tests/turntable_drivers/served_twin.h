@@ -170,6 +170,12 @@ struct DescribedFactory {
   static constexpr double beyond_limits_deg = 7201.0;  // where a device answers nothing, only the driver can refuse
 };
 
+template <const std::string& text>
+struct MapFactory : DescribedFactory<TwinStation> {
+  MapFactory() : DescribedFactory(map_of(text)) {}
+  static constexpr double beyond_limits_deg = 3601.0;  // refused by the twin
+};
+
 // With short time-outs.
 struct FaultStation : FaultTable<TwinStation> {
   explicit FaultStation(bool tcp, const std::string& more = "") : FaultTable(map_of(map_text(tcp, more))) {}

@@ -49,10 +49,11 @@ class TableContract : public testing::Test {
     }
     return wait_for([&] { return position(axis) > 20.0; }, 20.0);
   }
+  bool all(bool (*is)(const AxisStatus&)) {
+    return std::ranges::all_of(all_axes, [&](Axis axis) { return is(status(axis)); });
+  }
   bool all_stand() {
-    for (Axis axis : all_axes)
-      if (status(axis).moving) return false;
-    return true;
+    return all([](const AxisStatus& now) { return !now.moving; });
   }
   bool stands_at(Axis axis, double target_deg) {
     const AxisStatus now = status(axis);
@@ -62,15 +63,8 @@ class TableContract : public testing::Test {
     ASSERT_TRUE(table().connect().ok());
     ASSERT_TRUE(table().enable().ok());
     ASSERT_TRUE(table().home().ok());
-    ASSERT_TRUE(wait_for(
-        [&] {
-          for (Axis axis : all_axes) {
-            const AxisStatus now = status(axis);
-            if (!now.homed || now.moving) return false;
-          }
-          return true;
-        },
-        120.0));
+    const auto is_ready = [](const AxisStatus& now) { return now.homed && !now.moving; };
+    ASSERT_TRUE(wait_for([&] { return all(is_ready); }, 120.0));
   }
   void expect_refused(const Status& status, const char* what) {
     EXPECT_FALSE(status.ok()) << what;

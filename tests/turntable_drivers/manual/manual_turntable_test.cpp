@@ -37,6 +37,12 @@ struct Desk {
     clock.time_s += seconds;
     EXPECT_TRUE(manual.status(Axis::roll).ok());
   }
+  // What is typed, taken, and gravity after it.
+  void answer(const std::string& line, double taken_s = 0.0) {
+    type(line);
+    settle(taken_s);
+    settle();
+  }
   std::string said() {
     const std::string text = out.str();
     out.str("");
@@ -173,9 +179,7 @@ TEST_F(ManualTable, TheGyrosMustHaveFeltTheTurn) {
   desk.begin();
   const auto answer = [&](const char* typed) {
     desk.said();
-    desk.type(typed);
-    desk.settle(0.0);
-    desk.settle();
+    desk.answer(typed);
     return desk.said();
   };
   EXPECT_SAYS(answer("999"), "expected an angle of at most 720 degrees");
@@ -302,15 +306,11 @@ TEST_F(ManualTable, HomingTakesTheAnglesReadOff) {
   Desk desk({}, [&] { return sensed; });
   desk.begin();
   desk.type("90");  // wrong, and not seen before the other is known
-  desk.type("0.5");
-  EXPECT_TRUE(desk.manual.status(Axis::roll).ok());
-  desk.settle();
+  desk.answer("0.5");
   EXPECT_SAYS(desk.said(), "179.5 deg away");
   EXPECT_EQ(desk.manual.task().axis, Axis::roll) << "both are asked for again";
   desk.type("-90");
-  desk.type("0.5");
-  EXPECT_TRUE(desk.manual.status(Axis::roll).ok());
-  desk.settle();
+  desk.answer("0.5");
   desk.type("-400.25");
   const double expected[] = {-400.25, 0.5, -90.0};
   for (const Axis axis : all_axes) {
@@ -327,10 +327,8 @@ TEST_F(ManualTable, RehearsalTurnsTheRigToTheTypedAngle) {
   desk.manual.rehearse_on(rehearsed_table(rig));
   std::vector<ImuSample> samples(4000);
   const auto pass = [&](double seconds) { rig.advance(std::span(samples).first(std::size_t(200 * seconds))); };
-  ASSERT_TRUE(desk.manual.connect().ok());
+  desk.begin();
   EXPECT_TRUE(desk.manual.identify()->simulated);
-  ASSERT_TRUE(desk.manual.enable().ok());
-  ASSERT_TRUE(desk.manual.home().ok());
   // All at once, as from a file: each is taken by its own question.
   for (const char* line : {"0", "0.02", "-0.03", "turn roll 20", "say 45", "44.96"}) desk.type(line);
   desk.hang_up();
@@ -341,17 +339,15 @@ TEST_F(ManualTable, RehearsalTurnsTheRigToTheTypedAngle) {
   ASSERT_TRUE(desk.manual.status(Axis::heading)->homed);
   EXPECT_NEAR(rig.axis(Axis::pitch).position_deg, 0.02, 1e-9);
   EXPECT_TRUE(desk.manual.status(Axis::roll).ok()) << "the end of the file is not the end while nothing is asked";
-  ASSERT_TRUE(desk.manual.move_absolute(Axis::pitch, 45.0, 10.0, 20.0).ok());
-  EXPECT_TRUE(desk.manual.status(Axis::pitch)->moving);
-  pass(10.0);
-  EXPECT_NEAR(rig.axis(Axis::roll).position_deg, 20.0, 1e-9);
-  EXPECT_NEAR(rig.axis(Axis::pitch).position_deg, 0.02, 1e-9) << "only said";
-  EXPECT_EQ(desk.manual.status(Axis::pitch)->position_deg, 45.0);
-  ASSERT_TRUE(desk.manual.move_absolute(Axis::pitch, 45.0, 10.0, 20.0).ok());
-  EXPECT_TRUE(desk.manual.status(Axis::pitch)->moving);
-  pass(10.0);
-  EXPECT_NEAR(rig.axis(Axis::pitch).position_deg, 44.96, 1e-9);
-  EXPECT_EQ(desk.manual.status(Axis::pitch)->position_deg, 44.96);
+  // "say 45" turns nothing.
+  for (const auto& [said_deg, turned_deg] : {std::pair(45.0, 0.02), {44.96, 44.96}}) {
+    ask(desk, Axis::pitch, 45.0);
+    EXPECT_TRUE(desk.manual.status(Axis::pitch)->moving);
+    pass(10.0);
+    EXPECT_NEAR(rig.axis(Axis::roll).position_deg, 20.0, 1e-9);
+    EXPECT_NEAR(rig.axis(Axis::pitch).position_deg, turned_deg, 1e-9);
+    EXPECT_EQ(desk.manual.status(Axis::pitch)->position_deg, said_deg);
+  }
   ASSERT_TRUE(desk.manual.move_absolute(Axis::pitch, 0.0, 10.0, 20.0).ok());
   expect_end(desk, ErrorKind::interrupted, "end of input");
 }
@@ -380,11 +376,7 @@ TEST_F(ManualTable, GravityHasToAgree) {
   std::optional<std::array<double, 3>> sensed = std::array<double, 3>{0.0, 9.79, 0.0};
   Desk desk({}, [&] { return sensed; });
   desk.begin();
-  for (int i = 0; i < 3; ++i) {
-    desk.type("0");
-    desk.settle();  // takes what is typed
-    desk.settle();
-  }
+  for (int i = 0; i < 3; ++i) desk.answer("0", 2.0);
   desk.said();
   ASSERT_TRUE(desk.manual.move_absolute(Axis::pitch, 30.0, 10.0, 10.0).ok());
   desk.type("30");
@@ -393,9 +385,7 @@ TEST_F(ManualTable, GravityHasToAgree) {
   EXPECT_TRUE(desk.manual.status(Axis::pitch)->moving) << "still level";
   EXPECT_SAYS(desk.said(), "senses gravity 30 deg away");
   sensed = std::array<double, 3>{-0.5 * 9.79, std::cos(0.5236) * 9.79, 0.0};  // turned the wrong way
-  desk.type("30");
-  desk.settle(0.0);
-  desk.settle();
+  desk.answer("30");
   EXPECT_TRUE(desk.manual.status(Axis::pitch)->moving);
   EXPECT_SAYS(desk.said(), "60 deg away");
   desk.type("30");
@@ -405,9 +395,7 @@ TEST_F(ManualTable, GravityHasToAgree) {
   EXPECT_FALSE(desk.manual.status(Axis::pitch)->moving) << desk.said();
   ASSERT_TRUE(desk.manual.move_absolute(Axis::roll, -45.0, 10.0, 10.0).ok());
   sensed = std::array<double, 3>{0.5, 0.61237, 0.61237};
-  desk.type("-45");
-  desk.settle(0.0);
-  desk.settle();
+  desk.answer("-45");
   EXPECT_FALSE(desk.manual.status(Axis::roll)->moving) << desk.said();
   // A unit that does not come to rest, or says nothing, or zero, takes no answer.
   for (const bool zero : {false, true}) {

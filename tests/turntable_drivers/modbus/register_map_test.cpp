@@ -231,11 +231,6 @@ const std::string one_block = own_map_text("one_block");
 // command block, in front of which stands the number of the axis.
 const std::string selecting = own_map_text("selecting");
 
-template <const std::string& text>
-struct MapFactory : DescribedFactory<TwinStation> {
-  MapFactory() : DescribedFactory(map_of(text)) {}
-  static constexpr double beyond_limits_deg = 3601.0;
-};
 using OneBlock = MapFactory<one_block>;
 using Selecting = MapFactory<selecting>;
 INSTANTIATE_TYPED_TEST_SUITE_P(ModbusOneBlock, TableContract, OneBlock);
