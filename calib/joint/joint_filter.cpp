@@ -211,9 +211,7 @@ class Filter {
     const Covariance half = moved(i, P_);
     P_ = moved(i, Covariance(half.transpose()));
     P_.template topLeftCorner<6, 6>() += Q_;
-    if constexpr (NS == 12) {
-      P_.diagonal().template tail<6>() += (1.0 - rho_ * rho_) * instability_;
-    }
+    if constexpr (NS == 12) P_.diagonal().template tail<6>() += (1.0 - rho_ * rho_) * instability_;
     if (p_ > 0) predict_columns(i);
   }
 

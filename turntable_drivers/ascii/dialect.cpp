@@ -90,9 +90,8 @@ bool SentenceTemplate::has(std::string_view name) const {
 
 std::vector<std::string> SentenceTemplate::names() const {
   std::vector<std::string> result;
-  for (const Piece& piece : pieces_) {
+  for (const Piece& piece : pieces_)
     if (!piece.name.empty()) result.push_back(piece.name);
-  }
   return result;
 }
 
@@ -145,15 +144,13 @@ bool placeholder_is_known(const std::string& name) {
 
 std::optional<SentenceTemplate> sentence(KeyValueFile& file, const std::string& key) {
   std::string text = file.text(key);
-  if (key.ends_with(".expect")) {
+  if (key.ends_with(".expect"))
     for (std::size_t at = text.find("\\n"); at != std::string::npos; at = text.find("\\n", at))
       text.replace(at, 2, "\n");
-  }
   const auto result = SentenceTemplate::parse(text);
   bool good = result.has_value();
-  if (good) {
+  if (good)
     for (const std::string& name : result->names()) good = good && placeholder_is_known(name);
-  }
   if (!good) {
     file.reject(
         key,
@@ -211,9 +208,8 @@ void read_steps(KeyValueFile& file, Dialect& dialect) {
     if (needed && steps.exchanges.empty()) file.text(name + ".1");  // reports the missing key
     const bool commands_axis = operation == TableOperation::enable || operation == TableOperation::home ||
                                operation == TableOperation::move || is_stop;
-    if (commands_axis && steps.each_axis && !steps.exchanges.empty() && !sends_any(steps, is_of_axis)) {
+    if (commands_axis && steps.each_axis && !steps.exchanges.empty() && !sends_any(steps, is_of_axis))
       file.reject(name + ".1", "{axis} in a sentence, or " + name + ".scope = table");
-    }
   }
   const auto asks_for = [&](MoveQuantity quantity) {
     const auto is_it = [&](const std::string& name) { return asked_by(name, Axis::heading).number == quantity; };
@@ -223,14 +219,12 @@ void read_steps(KeyValueFile& file, Dialect& dialect) {
   if (file.has("move.1") && position == distance)
     file.reject("move.1", "either {position} or {distance} in the sentences of a move");
   for (const DialectAxis& axis : dialect.axis) {
-    if (axis.shorter_way && (distance || !position)) {
+    if (axis.shorter_way && (distance || !position))
       file.reject("move.1", "{position} in a sentence, not {distance}: way = shorter");
-    }
-    if (axis.modulo_deg > 0.0 && !axis.shorter_way && (position || !distance)) {
+    if (axis.modulo_deg > 0.0 && !axis.shorter_way && (position || !distance))
       file.reject("move.1",
                   "{distance} in a sentence, not {position}: with modulo_deg that does not say how many turns to go, "
                   "unless way = shorter");
-    }
   }
 }
 
@@ -264,9 +258,8 @@ void read_status(KeyValueFile& file, DialectStatus& status) {
           file.reject(key, "numbers of bits from 0 to 31, separated by commas");
       }
     }
-    if (file.has("status.active_low")) {
+    if (file.has("status.active_low"))
       for (const DriveBit bit : flag_list("status.active_low")) status.active_low[index(bit)] = true;
-    }
   }
   if (!status.reports(DriveBit::in_position))
     file.reject("status.kind", "a code or a bit for in_position: what does not say that it has arrived never has");

@@ -97,9 +97,8 @@ class SentenceCodec : public TableCodec {
     const Result<std::string> answer = framing_.answer(request.body, reply, heard, lines_of(request));
     if (!answer) return framing_.garbled(answer.error().message);
     if (request.operation == TableOperation::identify) reading->text = visible(*answer);
-    for (const std::string& text : dialect_.errors) {
+    for (const std::string& text : dialect_.errors)
       if (answer->find(text) != std::string::npos) return device_error("the device says '" + visible(*answer) + "'");
-    }
     if (!expect)
       return answer->empty() ? Judgement() : device_error("answer '" + visible(*answer) + "': expected none");
     const std::optional<Values> values = expect->match(*answer);

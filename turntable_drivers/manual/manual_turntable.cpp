@@ -179,9 +179,8 @@ Status ManualTurntable::move_absolute(Axis axis, double position_deg, double rat
   }
   if (!enabled_) return refused("not enabled");
   if (!hands_[index(axis)].homed) return refused("not homed");
-  for (const Wanted& wanted : queue_) {
+  for (const Wanted& wanted : queue_)
     if (wanted.axis == axis) return refused("a move is under way: expected it finished or stopped");
-  }
   stopped_ = false;
   queue_.push_back({axis, position_deg, false, rate_degps, acceleration_degps2});
   asked_s_ = patience_s();

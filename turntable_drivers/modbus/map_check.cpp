@@ -81,10 +81,9 @@ void check_addresses(KeyValueFile& file, const RegisterMap& map) {
       if (!block.of_table) last = std::max(last, block.address + block.count);
     last += int(index(which));
     if (map.heartbeat_address && !map.heartbeat_of_table) last = std::max(last, *map.heartbeat_address + 1);
-    for (const TableOperation operation : all_operations) {
+    for (const TableOperation operation : all_operations)
       for (const WriteStep& step : map.list(operation))
         if (!step.of_table && !map.once(operation)) last = std::max(last, step.address + step.length());
-    }
     if (last + map.of(which).address_offset <= 65536) continue;
     file.reject("axis." + std::string(to_string(which)) + ".address_offset",
                 "at most " + std::to_string(65536 - last) + ": the last register used is " + std::to_string(last - 1) +
@@ -215,9 +214,7 @@ bool differ(const std::vector<Written>& one, const std::vector<Written>& other, 
     if (a.place == trigger || !a.value) continue;
     const auto same_place = [&](const Written& b) { return b.place == a.place; };
     if (std::ranges::none_of(other, same_place)) continue;
-    if (std::ranges::none_of(other, [&](const Written& b) { return same_place(b) && b.words == a.words; })) {
-      return true;
-    }
+    if (std::ranges::none_of(other, [&](const Written& b) { return same_place(b) && b.words == a.words; })) return true;
   }
   return false;
 }
@@ -365,12 +362,10 @@ std::optional<Clash> same_axis(const RegisterMap& map, Axis one, Axis other) {
   const std::vector<Written> moves = written_by(map, TableOperation::move, one);
   for (const TableOperation starts : starting_operations) {
     const std::vector<Written> others = written_by(map, starts, other);
-    for (const Written& a : moves) {
-      for (const Written& b : others) {
+    for (const Written& a : moves)
+      for (const Written& b : others)
         if (overlaps(a, b) && !(a.value && b.value) && !differ(moves, others, a.place))
           return Clash{key, apart + "one write.move moves both"};
-      }
-    }
   }
   return std::nullopt;
 }

@@ -105,9 +105,8 @@ ModbusRequest parsed(std::string_view body) {
     const auto bytes = std::size_t(2 * request.count);
     request.well_formed =
         request.well_formed && body.size() == 7 + bytes && static_cast<unsigned char>(body[6]) == bytes;
-    if (request.well_formed) {
+    if (request.well_formed)
       for (std::size_t i = 7; i + 1 < body.size(); i += 2) request.values.push_back(word_at(body, i));
-    }
   }
   return request;
 }

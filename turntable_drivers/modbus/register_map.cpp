@@ -46,9 +46,7 @@ long hex_or_decimal(KeyValueFile& file, const std::string& key, long min, long m
   const std::string text = file.text(key);
   const std::optional<long> value = parse_whole<long>(text);
   if (value && *value >= min && *value <= max) return *value;
-  if (!text.empty()) {
-    file.reject(key, fmt::format("a whole number between {} and {}, decimal or with 0x", min, max));
-  }
+  if (!text.empty()) file.reject(key, fmt::format("a whole number between {} and {}, decimal or with 0x", min, max));
   return min;
 }
 
@@ -187,26 +185,23 @@ void read_writes(KeyValueFile& file, RegisterMap& map) {
     if (operation == TableOperation::identify || operation == TableOperation::status) continue;
     const std::string key = fmt::format("write.{}", to_string(operation));
     map.writes[index(operation)] = write_list(file, key, map.layout);
-    if (!map.list(operation).empty()) {
+    if (!map.list(operation).empty())
       map.of_table[index(operation)] = file.one_of_or(key + ".scope", "axis", {"axis", "table"}) == "table";
-    }
     const bool is_stop = operation == TableOperation::stop || operation == TableOperation::abort;
     double waits_s = 0.0;
     for (const WriteStep& step : map.list(operation)) waits_s += step.wait_s;
-    if (is_stop && waits_s > longest_stop_pause_s + 1e-9) {
+    if (is_stop && waits_s > longest_stop_pause_s + 1e-9)
       file.reject(key, fmt::format("waits of at most {} s together, not {}: it must be out within 0.1 s",
                                    format_number(longest_stop_pause_s), format_number(waits_s)));
-    }
     const bool optional = operation == TableOperation::setup || operation == TableOperation::clear_fault ||
                           operation == TableOperation::enable ||
                           (operation == TableOperation::home && map.home_by_encoder);
     if (!optional && !file.has(key)) file.text(key);  // reports that the key is missing
     const std::vector<WriteOperand> operands = operands_of(map.list(operation));
     if (file.has(key) && operands.empty()) file.reject(key, "at least one write of a register");
-    for (const WriteOperand& operand : operands) {
+    for (const WriteOperand& operand : operands)
       if (operation != TableOperation::move && operand.kind == Kind::quantity)
         file.reject(key, "numbers: position, distance, rate and acceleration belong to write.move");
-    }
   }
   const std::vector<WriteOperand> move = operands_of(map.list(TableOperation::move));
   const auto asks_for = [&](MoveQuantity quantity) {
@@ -223,10 +218,9 @@ void read_writes(KeyValueFile& file, RegisterMap& map) {
   }
   if (asks_for(MoveQuantity::position) == asks_for(MoveQuantity::distance) || !asks_for(MoveQuantity::rate))
     file.reject("write.move", "either position or distance in it, and rate");
-  for (const MapAxis& axis : map.axis) {
+  for (const MapAxis& axis : map.axis)
     if (axis.modulo_deg > 0.0 && asks_for(MoveQuantity::position))
       file.reject("write.move", "distance: with modulo_deg a position does not say how many turns to go");
-  }
   KeyTable keys(file);
   if (map.can_switch_off && !map.list(TableOperation::stop).empty() &&
       map.list(TableOperation::stop) == map.list(TableOperation::abort)) {
@@ -487,11 +481,10 @@ void explain_status(const RegisterMap& map, std::vector<TableRow>& rows) {
     number(scale.position, MoveQuantity::position);
     if (scale.rate) number(*scale.rate, MoveQuantity::rate);
     if (scale.alarm) field(scale.alarm->address, std::string(to_string(scale.alarm->type)) + " alarm", "alarm.address");
-    for (const DriveBit which : all_drive_bits) {
+    for (const DriveBit which : all_drive_bits)
       if (const auto& bit = scale.bit(which))
         field(bit->address, bit_text(*bit, which, scale.arrives_in_a_pulse),
               fmt::format("bit.{}{}", to_string(which), bit->codes.empty() ? ".mask" : ".codes"));
-    }
   }
 }
 

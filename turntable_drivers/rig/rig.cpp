@@ -288,9 +288,8 @@ void RigState::integrate_motion(std::array<double, 3>& gyro, std::array<double, 
       }
     }
   }
-  if (sensor_effects.has_hysteresis()) {
+  if (sensor_effects.has_hysteresis())
     hysteresis_state = sensor_effects.next_hysteresis_state(motion, hysteresis_state);
-  }
   Eigen::Map<Vector3d>(gyro.data()) = gyro_sum;
   Eigen::Map<Vector3d>(accel.data()) = accel_sum;
 }

@@ -70,9 +70,8 @@ Result<TableIdentity> RigTable::identify() {
 Status RigTable::enable() {
   TRY(reachable());
   if (rig_.emergency_stop()) return table_error("enable: emergency stop is latched: expected it released and cleared");
-  for (Axis axis : all_axes) {
+  for (Axis axis : all_axes)
     if (rig_.axis(axis).fault) return axis_error(axis, "enable: drive fault is latched: expected it cleared");
-  }
   enabled_ = {true, true, true};
   return {};
 }

@@ -51,31 +51,26 @@ std::string key_of(const Group& group, std::size_t i) { return std::string(group
 std::vector<std::string> rig_effect_keys() {
   RigEffects effects;
   std::vector<std::string> keys;
-  for (const Group& group : groups(effects)) {
+  for (const Group& group : groups(effects))
     for (std::size_t i = 0; i < group.values.size(); ++i) keys.push_back(key_of(group, i));
-  }
   return keys;
 }
 
 double* find_effect(RigEffects& effects, std::string_view key) {
   if (key == "gyro_warm_up.tau_s") return &effects.gyro_warm_up_tau_s;
   if (key == "post_rotation_relaxation.tau_s") return &effects.post_rotation_relaxation_tau_s;
-  for (const Group& group : groups(effects)) {
-    for (std::size_t i = 0; i < group.values.size(); ++i) {
+  for (const Group& group : groups(effects))
+    for (std::size_t i = 0; i < group.values.size(); ++i)
       if (key_of(group, i) == key) return &group.values[i];
-    }
-  }
   return nullptr;
 }
 
 std::vector<std::pair<std::string, double>> nonzero_effects(const RigEffects& effects) {
   RigEffects copy = effects;
   std::vector<std::pair<std::string, double>> list;
-  for (const Group& group : groups(copy)) {
-    for (std::size_t i = 0; i < group.values.size(); ++i) {
+  for (const Group& group : groups(copy))
+    for (std::size_t i = 0; i < group.values.size(); ++i)
       if (group.values[i] != 0.0) list.emplace_back(key_of(group, i), group.values[i]);
-    }
-  }
   return list;
 }
 

@@ -79,9 +79,8 @@ Reading SensorEffects::standing(const BodyMotion& motion, const std::array<TrueA
     // Computes sin(order * angle + phase) by angle addition, since only the sine and cosine of the axis are known.
     SinCos sum = sin_cos_deg(periodic.phase_deg);
     const SinCos& angle = axes[std::size_t(periodic.table_axis)].angle;
-    for (int i = 0; i < periodic.order; ++i) {
+    for (int i = 0; i < periodic.order; ++i)
       sum = {sum.sin * angle.cos + sum.cos * angle.sin, sum.cos * angle.cos - sum.sin * angle.sin};
-    }
     reading.gyro[periodic.axis] += radps_per_degph * periodic.size_degph * sum.sin;
   }
   reading.accel[outside_.accel_hysteresis.axis] += mps2_per_ug * outside_.accel_hysteresis.size_ug * hysteresis_state;
@@ -179,15 +178,13 @@ void TriadNoise::update_bias() {
   bias_ = {0.0, 0.0, 0.0};
   for (Markov& process : processes_) {
     // Processes start in their stationary state, so sample 0 needs no step.
-    if (sample_ > 0 && sample_ % process.every == 0) {
+    if (sample_ > 0 && sample_ % process.every == 0)
       for (double& value : process.value) value = process.decay * value + process.kick * flicker_.normal();
-    }
     for (std::size_t i = 0; i < 3; ++i) bias_[i] += process.value[i];
   }
   if (walk_kick_ > 0.0) {
-    if (sample_ > 0 && sample_ % walk_every_ == 0) {
+    if (sample_ > 0 && sample_ % walk_every_ == 0)
       for (double& value : walk_) value += walk_kick_ * walk_stream_.normal();
-    }
     for (std::size_t i = 0; i < 3; ++i) bias_[i] += walk_[i];
   }
 }
@@ -202,9 +199,8 @@ void TriadNoise::add(std::array<double, 3>& increment) {
     ++sample_;
     for (std::size_t i = 0; i < 3; ++i) increment[i] += bias_[i] * period_s_;
   }
-  if (white_sigma_ > 0.0) {
+  if (white_sigma_ > 0.0)
     for (double& value : increment) value += white_sigma_ * white_.normal();
-  }
 }
 
 }  // namespace turncal::rig_model

@@ -20,9 +20,8 @@ constexpr std::array<TableOperation, table_operation_count> search_order = {
 std::string word_of(const DialectStatus& status, const DriveFlags& flags) {
   if (status.by_bits) {
     std::uint32_t bits = 0;
-    for (std::size_t i = 0; i < flags.size(); ++i) {
+    for (std::size_t i = 0; i < flags.size(); ++i)
       if (flags[i] != status.active_low[i]) bits |= status.mask[i];
-    }
     return status.base == 16 ? fmt::format("{:x}", bits) : std::to_string(bits);
   }
   std::string best;

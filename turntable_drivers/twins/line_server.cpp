@@ -86,9 +86,8 @@ bool LineServer::serve(Client& client) {
   if (n < 0 && (errno == EAGAIN || errno == EINTR)) return true;
   if (n <= 0) return !tcp();  // a pseudo-terminal that nobody has open may be opened again
   client.bytes.insert(client.bytes.end(), chunk.begin(), chunk.begin() + n);
-  while (const std::optional<AnswerPlan> plan = next_answer(client.bytes)) {
+  while (const std::optional<AnswerPlan> plan = next_answer(client.bytes))
     if (!send(client, *plan)) return false;
-  }
   return true;
 }
 

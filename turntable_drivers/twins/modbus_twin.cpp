@@ -18,9 +18,8 @@ std::uint16_t code_of(const MapAxis& axis, const StatusBit& first, const DriveFl
   std::vector<std::uint16_t> candidates{0};  // the first code that no list has
   while (std::ranges::any_of(axis.bits, [&](const auto& bit) { return alike(bit) && says(*bit, candidates[0]); }))
     ++candidates[0];
-  for (const auto& bit : axis.bits) {
+  for (const auto& bit : axis.bits)
     if (alike(bit)) candidates.insert(candidates.end(), bit->codes.begin(), bit->codes.end());
-  }
   const auto score_of = [&](std::uint16_t code) {
     return likeness(state, [&](std::size_t i) {
       return alike(axis.bits[i]) ? std::optional(says(*axis.bits[i], code)) : std::nullopt;
@@ -169,9 +168,8 @@ ModbusTwin::Answer ModbusTwin::write(const ModbusRequest& request) {
   Answer answer;
   for (const Axis axis : all_axes) {
     const MapAxis& place = map_.of(axis);
-    if ((map_.heartbeat_of_table ? map_.of(Axis::heading).unit : place.unit) == request.unit) {
+    if ((map_.heartbeat_of_table ? map_.of(Axis::heading).unit : place.unit) == request.unit)
       known = beats(request, axis) || known;
-    }
     for (int i = 0; i < table_operation_count; ++i) {
       const auto operation = static_cast<TableOperation>(i);
       WriteList list = map_.list(operation);
@@ -182,10 +180,9 @@ ModbusTwin::Answer ModbusTwin::write(const ModbusRequest& request) {
       if (!matches(list[progress.step], operation, axis, request, operands)) {
         operands.clear();
         if (!matches(list[0], operation, axis, request, operands)) {
-          for (const WriteStep& step : list) {
+          for (const WriteStep& step : list)
             known = known || (request.unit == map_.unit_of(operation, axis) &&
                               request.address == map_.address_of(step, operation, axis));
-          }
           continue;
         }
         progress.step = 0;
@@ -198,9 +195,8 @@ ModbusTwin::Answer ModbusTwin::write(const ModbusRequest& request) {
     }
   }
   if (!known) return {illegal_address, {}};
-  for (std::size_t i = 0; i < request.values.size(); ++i) {
+  for (std::size_t i = 0; i < request.values.size(); ++i)
     written_[{request.unit, request.address + int(i)}] = request.values[i];
-  }
   return answer;
 }
 
