@@ -7,6 +7,7 @@
 
 #include "imu_io/base/files.h"
 #include "imu_io/base/text.h"
+#include "orchestrator/records/known.h"
 
 namespace turncal {
 
@@ -46,13 +47,22 @@ std::vector<int> version_numbers(const std::string& folder) {
   return numbers;
 }
 
-Error no_version(const std::string& what, const std::string& store, const std::string& unit, bool simulated) {
+// Returns the versions of a unit, one at least.
+Result<std::vector<int>> known_versions(const std::string& store, const std::string& unit, bool simulated) {
   std::error_code error;
   if (!fs::is_directory(store, error)) return input_error(store + ": there is no such folder: expected a record.store");
-  const bool other = !version_numbers(unit_folder(store, unit, !simulated)).empty();
-  return input_error(what + ": there is no such version of unit '" + unit + "'" +
-                     (other ? simulated ? ", but real ones: leave out --simulated" : ", but simulated ones: --simulated"
-                            : did_you_mean(unit, names_in(folder_of(unit_folder(store, unit, simulated))))));
+  const std::vector<int> numbers = version_numbers(unit_folder(store, unit, simulated));
+  if (!numbers.empty()) return numbers;
+  if (!version_numbers(unit_folder(store, unit, !simulated)).empty())
+    return input_error(
+        "{}: unit {} has {}", store, turncal::quoted(unit),
+        simulated ? "real versions only: leave out --simulated" : "simulated versions only: --simulated");
+  std::vector<std::string> units;
+  for (const auto& entry : fs::directory_iterator(folder_of(unit_folder(store, unit, simulated)), error))
+    if (const auto file = read_parameter_file(entry.path().string() + "/" + in_use_name))
+      units.push_back(file->unit_serial);
+  TRY(check_known(store, simulated ? "simulated unit" : "unit", unit, units));
+  return numbers;
 }
 
 }  // namespace
@@ -73,7 +83,9 @@ Status put_in_use(const std::string& store, const ParameterFile& file) {
 Status restore_version(const std::string& store, const std::string& unit, int version, bool simulated) {
   const std::string folder = unit_folder(store, unit, simulated);
   const std::string path = version_path(folder, version);
-  if (!path_exists(path)) return no_version(path, store, unit, simulated);
+  const std::vector<int> numbers = TRY(known_versions(store, unit, simulated));
+  if (!path_exists(path))
+    return input_error("{}: there is no version {}: expected 1 to {}", folder, version, numbers.back());
   const LockFile lock = TRY(LockFile::acquire(folder + "/.lock", LockFile::change_s));
   const ParameterFile file = TRY(read_parameter_file(path));
   if (file.unit_serial != unit || file.simulated != simulated)
@@ -84,8 +96,7 @@ Status restore_version(const std::string& store, const std::string& unit, int ve
 
 Result<std::vector<StoredVersion>> stored_versions(const std::string& store, const std::string& unit, bool simulated) {
   const std::string folder = unit_folder(store, unit, simulated);
-  const std::vector<int> numbers = version_numbers(folder);
-  if (numbers.empty()) return no_version(folder, store, unit, simulated);
+  const std::vector<int> numbers = TRY(known_versions(store, unit, simulated));
   const Result<std::string> in_use = read_whole_file(folder + "/" + in_use_name);
   std::vector<StoredVersion> versions;
   for (const int number : numbers) {

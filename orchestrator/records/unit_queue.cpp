@@ -5,6 +5,7 @@
 #include "imu_io/base/clock.h"
 #include "imu_io/base/text.h"
 #include "imu_io/recordings/recording_check.h"
+#include "orchestrator/records/known.h"
 
 namespace turncal {
 
@@ -115,9 +116,7 @@ Status change_queue(const std::string& path, const QueueChange& change) {
   const std::string old = TRY(path_exists(path) ? read_whole_file(path) : Result<std::string>(""));
   const std::vector<std::string> units =
       TRY(path_exists(path) ? read_queue(path) : Result<std::vector<std::string>>(std::vector<std::string>{}));
-  for (const std::string& unit : change.remove) {
-    if (!holds(units, unit)) return input_error(path + ": holds no unit '" + unit + "'" + did_you_mean(unit, units));
-  }
+  for (const std::string& unit : change.remove) TRY(check_known(path, "unit", unit, units));
   std::string text;
   std::string_view remaining = old;
   while (!remaining.empty()) {
@@ -135,9 +134,11 @@ Status change_queue(const std::string& path, const QueueChange& change) {
   }
   if (!change.again.empty()) {
     std::vector<UnitOutcome> outcomes = TRY(read_outcomes(path));
+    std::vector<std::string> known = units;
+    for (const UnitOutcome& outcome : outcomes) known.push_back(outcome.unit);
     for (const std::string& unit : change.again) {
-      if (!find_outcome(outcomes, unit))
-        return input_error(path + ": unit '" + unit + "' has no outcome yet" + did_you_mean(unit, units));
+      TRY(check_known(path, "unit", unit, known));
+      if (!find_outcome(outcomes, unit)) return input_error(path + ": unit '" + unit + "' has no outcome yet");
       for (UnitOutcome& outcome : outcomes) {
         if (outcome.unit == unit) outcome = {unit, again_outcome, outcome.time_utc, ""};
       }
