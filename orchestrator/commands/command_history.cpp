@@ -420,6 +420,7 @@ void add_history_command(CommandLine& line) {
   add_filter_options(command, options.filter);
   command.option("--unit", options.filter.unit, "only this unit");
   command.option("--verdict", options.filter.verdict, "only this verdict or outcome: pass, hold, dropped, ...");
+  command.option("--after", options.filter.after, "only rows that reached the database after the one with this id");
   command.flag("--attempts", options.attempts, "list every attempt, including those refused, aborted or failed");
   command.option("--compare", options.compare, {is::words(2)}, "compare two calibrations of one unit, by id");
   command.flag("--control", options.control, "control limits and Cpk of every parameter over all calibrations");

@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <chrono>
+#include <filesystem>
 #include <map>
 #include <set>
 
@@ -72,7 +73,6 @@ Result<int> version_of(SqlConnection& database) {
 
 // Makes the tables within the caller's transaction, unless there are any.
 Status make_tables_in(SqlConnection& database) {
-  TRY(database.hold_schema());
   if (TRY(version_of(database)) != 0) return {};
   std::string sql = schema;
   for (std::size_t at = sql.find("@ID"); at != std::string::npos; at = sql.find("@ID"))
@@ -143,13 +143,17 @@ Result<AddedRow> add_calibration(SqlConnection& database, const SqlRow& row) {
   return there;
 }
 
-// Returns the condition of a filter, with parameters $1 to $6. verdict: name of the verdict's column.
+// Returns the condition of a filter, with parameters $1 to $7. verdict: name of the verdict's column.
 std::string where(const std::string& verdict) {
   return "($1 = '' OR unit = $1) AND ($2 = '' OR station = $2) AND ($3 = '' OR part = $3) AND ($4 = '' OR " + verdict +
-         " = $4) AND time_utc >= $5 AND ($6 = '' OR substr(time_utc, 1, length($6)) <= $6)";
+         " = $4) AND time_utc >= $5 AND ($6 = '' OR substr(time_utc, 1, length($6)) <= $6) AND id > $7";
 }
 
-SqlRow values_of(RecordFilter filter) { return row_of(fields_of(filter)); }
+SqlRow values_of(RecordFilter filter) {
+  SqlRow values = row_of(fields_of(filter));
+  values.emplace_back(std::int64_t(filter.after));
+  return values;
+}
 
 constexpr const char* unique_attempt = "key";  // of attempt_note: equal for equal rows, wherever they come from
 
@@ -271,6 +275,14 @@ Result<std::int64_t> last_id(SqlConnection& database, const std::string& table) 
   return last;
 }
 
+// Refuses an id that no row has had yet: it is of another database, and all new rows would be missed.
+Status check_after(SqlConnection& database, const std::string& table, const RecordFilter& filter) {
+  const std::int64_t last = filter.after > 0 ? TRY(last_id(database, table)) : 0;
+  if (std::int64_t(filter.after) <= last) return {};
+  return input_error("--after {}: the newest row of {} has id {}: expected an id of this database", filter.after,
+                     database.name(), last);
+}
+
 constexpr const char* roles = R"(
 DO $$ BEGIN
   IF NOT EXISTS (SELECT 1 FROM pg_roles WHERE rolname = 'turncal_station') THEN CREATE ROLE turncal_station; END IF;
@@ -318,7 +330,7 @@ Status check(const RecordFilter& filter) {
   for (const auto& [option, text] : {std::pair{"--from", &filter.from}, std::pair{"--to", &filter.to}})
     if (!begins_a_time(*text))
       return input_error(std::string(option) + " " + turncal::quoted(*text) +
-                         ": expected a date or a time as 2026-01-31 or 2026-01-31T12:00:00Z");
+                         ": expected a day of the calendar, or a time, as 2026-01-31 or 2026-01-31T12:00:00Z");
   std::vector<std::string> verdicts = {"captured",    "dropped", "refused",      "aborted",
                                        "interrupted", "failed",  outcome_running};
   verdicts.insert(verdicts.end(), enum_words<UnitVerdict>.begin(), enum_words<UnitVerdict>.end());
@@ -340,7 +352,11 @@ Status ResultsDatabase::check_known(const RecordFilter& filter) const {
   return {};
 }
 
-Status ResultsDatabase::note(AttemptRecord a) {
+Status ResultsDatabase::note(AttemptRecord attempt) {
+  return in_transaction(*connection_, [&] { return add_attempt(attempt); });
+}
+
+Status ResultsDatabase::add_attempt(AttemptRecord& a) {
   SqlRow row = row_of(fields_of(a));
   if (a.run.empty()) row.front() = {};
   row.insert(row.begin(), key_of(a, row));
@@ -349,6 +365,7 @@ Status ResultsDatabase::note(AttemptRecord a) {
 }
 
 Result<std::vector<AttemptRecord>> ResultsDatabase::attempts(const RecordFilter& filter) const {
+  TRY(check_after(*connection_, "attempt_note", filter));
   std::vector<AttemptRecord> found;
   AttemptRecord named;
   TRY(connection_->run(
@@ -416,13 +433,9 @@ Result<ResultsDatabase> ResultsDatabase::open_to_read(const std::string& name, c
   TRY(server ? Status{} : check_regular_file(name));
   ResultsDatabase database(TRY(connect_to(name, SqlUse::read, patience)));
   if (TRY(database.has_tables())) return database;
-  if (server)
-    return input_error(name +
-                       ": results database: holds no tables: expected one that a station or `turncal records "
-                       "roles` has written to");
-  ResultsDatabase empty(TRY(connect_to_memory(name)));  // reading changes nothing
-  TRY(empty.make_tables(true));
-  return empty;
+  return input_error(name +
+                     ": results database: holds no tables: expected one that a station or `turncal records roles` has "
+                     "written to");
 }
 
 Status ResultsDatabase::add(const ParameterFile& file, AttemptRecord attempt, const SqlBytes& statistics) {
@@ -436,7 +449,7 @@ Status ResultsDatabase::add(const ParameterFile& file, AttemptRecord attempt, co
           {added.id, v.key, v.value, as_value(v.sigma), as_value(v.limit.min), as_value(v.limit.max), v.verdict});
     if (added.is_new) TRY(insert(*connection_, "value", values));
     if (added.is_new && !statistics.empty()) TRY(insert(*connection_, "statistics", {{added.id, statistics}}));
-    return note(attempt);
+    return add_attempt(attempt);
   });
 }
 
@@ -456,6 +469,7 @@ Status ResultsDatabase::each_calibration(bool with_statistics,
 }
 
 Result<std::vector<StoredCalibration>> ResultsDatabase::list(const RecordFilter& filter, const std::string& key) const {
+  TRY(check_after(*connection_, "calibration", filter));
   std::vector<StoredCalibration> found;
   StoredCalibration named;
   const Fields fields = fields_of(named);
@@ -495,7 +509,7 @@ Status ResultsDatabase::check() const {
 DataTable attempts_table(const std::vector<AttemptRecord>& all) {
   const std::vector<std::string_view> words = split_words(
       "id unit began_utc time_utc outcome reason station part revision operator ambient simulated temperature_min_c "
-      "temperature_max_c residual diagnosis recorded_s sessions repeated_dwells lost_samples calibration folder");
+      "temperature_max_c residual diagnosis recorded_s sessions repeated_dwells lost_samples calibration folder run");
   DataTable table({words.begin(), words.end()});
   for (AttemptRecord attempt : all) {
     const Fields fields = with_id(attempt);
@@ -621,7 +635,10 @@ Status ResultsDatabase::check_pages() const {
 }
 
 Status ResultsDatabase::copy_into(const std::string& path) const {
-  if (connection_->sqlite()) return connection_->run("VACUUM INTO $1", {path});
+  if (connection_->sqlite()) {
+    const Status made = connection_->run("VACUUM INTO $1", {path});
+    return made ? made : Error{made.error().kind, path + ": copy of " + made.error().message};
+  }
   ResultsDatabase copy = TRY(open(path));
   return in_transaction(*connection_, [&]() -> Status {  // of one moment
     const Result<CopiedRows> rows = copy_to(copy);
@@ -668,7 +685,8 @@ Result<std::vector<AttemptRecord>> recorded_attempts(const StationConfig& statio
   };
   trouble.clear();
   const std::string file = records_file(station);
-  if (!file.empty() && path_exists(file)) TRY(take(file));
+  std::error_code missing;
+  if (!std::filesystem::is_empty(file, missing) && !missing) TRY(take(file));
   if (!names_a_server(station.database)) return all;
   // Waiting rows are newer than the server's rows of this station, and show that the server was away a moment ago.
   if (!all.empty())

@@ -4,7 +4,8 @@
 // Rows are added and never changed. An attempt has a row from its beginning, and another with each outcome; the newest counts. A
 // calibration is one row of `calibration` and 24 of `value`, added in one transaction with the whole parameter file, and on disk when add()
 // returns; of one recording the newest counts, too. A row that is already there is not added again.
-// An empty database gets its tables on the first write; one of another schema is refused.
+// Numbers of rows (id) grow in the order in which the rows can be read, whoever writes. An empty database gets its tables on the first
+// write, and is none for a reader; one of another schema is refused.
 #pragma once
 
 #include <cstdint>
@@ -55,6 +56,7 @@ Fields fields_of(AttemptRecord& attempt);
 struct RecordFilter {
   std::string unit = {}, station = {}, part = {}, verdict = {};
   std::string from = {}, to = {};  // end times or their beginnings: 2026-01-31 as `to` includes that day, UTC
+  std::size_t after = 0;           // only rows with a greater id, which reached the database later
   int newest = 0;                  // for attempts: only so many, the newest; 0: all
 };
 Fields fields_of(RecordFilter& filter);  // the textual criteria
@@ -132,6 +134,7 @@ class ResultsDatabase {
  private:
   explicit ResultsDatabase(std::shared_ptr<SqlConnection> connection) : connection_(std::move(connection)) {}
   Result<bool> has_tables() const;
+  Status add_attempt(AttemptRecord& attempt);
   Status make_tables(bool keep) const;
   Status check_pages() const;
   std::shared_ptr<SqlConnection> connection_;

@@ -167,9 +167,9 @@ class SqliteConnection : public SqlConnection {
   sqlite3* handle_;
 };
 
-Result<std::shared_ptr<SqlConnection>> opened(const std::string& path, const std::string& name, int flags) {
+Result<std::shared_ptr<SqlConnection>> opened(const std::string& name, int flags) {
   sqlite3* handle = nullptr;
-  const int code = sqlite3_open_v2(path.c_str(), &handle, flags, nullptr);
+  const int code = sqlite3_open_v2(name.c_str(), &handle, flags, nullptr);
   const auto connection = std::make_shared<SqliteConnection>(handle, name);
   if (code != SQLITE_OK) return connection->failed("");
   return std::shared_ptr<SqlConnection>(connection);
@@ -292,8 +292,13 @@ class PostgresConnection : public SqlConnection {
       }
     }
   }
-  Status begin() override { return run("BEGIN", {}, {}); }
-  Status hold_schema() override { return run("SELECT pg_advisory_xact_lock(7467)", {}, {}); }
+  Status begin() override {
+    // A writer that died must not hold up the others.
+    return run(
+        "BEGIN; SELECT set_config('idle_in_transaction_session_timeout', '60s', true), "
+        "pg_advisory_xact_lock(7467) WHERE current_setting('transaction_read_only') = 'off'",
+        {}, {});
+  }
   Result<bool> has_table(const std::string& table) override {
     bool there = false;
     TRY(run("SELECT to_regclass($1) IS NOT NULL", {table},
@@ -357,14 +362,10 @@ Result<std::shared_ptr<SqlConnection>> connect_to(const std::string& name, SqlUs
   const int flags = use == SqlUse::read    ? SQLITE_OPEN_READONLY
                     : use == SqlUse::write ? SQLITE_OPEN_READWRITE
                                            : SQLITE_OPEN_READWRITE | SQLITE_OPEN_CREATE;
-  Result<std::shared_ptr<SqlConnection>> file = opened(name, name, flags);
+  Result<std::shared_ptr<SqlConnection>> file = opened(name, flags);
   // Another station may write.
   if (file) sqlite3_busy_timeout((*file)->sqlite(), int(1000.0 * patience.wait_s));
   return file;
-}
-
-Result<std::shared_ptr<SqlConnection>> connect_to_memory(const std::string& name) {
-  return opened(":memory:", name, SQLITE_OPEN_READWRITE | SQLITE_OPEN_CREATE);
 }
 
 }  // namespace turncal

@@ -51,8 +51,7 @@ class SqlConnection {
   // Runs a statement; without values it may be several. `each` gets every row.
   virtual Status run(const std::string& sql, const SqlRow& values = {},
                      const std::function<void(SqlRow)>& each = {}) = 0;
-  virtual Status begin() = 0;                  // until COMMIT or ROLLBACK; an SQLite file is locked against writers
-  virtual Status hold_schema() { return {}; }  // nobody else makes tables during the transaction
+  virtual Status begin() = 0;  // until COMMIT or ROLLBACK; nobody else writes during it
   virtual Result<bool> has_table(const std::string& table) = 0;
   virtual const char* identity() const = 0;            // type of a column whose numbers the database assigns
   virtual sqlite3* sqlite() const { return nullptr; }  // handle of an SQLite file
@@ -73,7 +72,5 @@ Status in_transaction(SqlConnection& connection, const std::function<Status()>& 
 enum class SqlUse { read, write, make };  // make: creates a missing file
 // name: as in orchestrator/station/station_config.h.
 Result<std::shared_ptr<SqlConnection>> connect_to(const std::string& name, SqlUse use, const SqlPatience& patience);
-// Opens a private SQLite database in memory; errors call it `name`.
-Result<std::shared_ptr<SqlConnection>> connect_to_memory(const std::string& name);
 
 }  // namespace turncal

@@ -66,6 +66,63 @@ TEST_F(Database, ABackupIsWholeWhileOthersWrite) {
   EXPECT_SAYS(run({"records", "check", "copy.db"}).out, "2 attempts");
 }
 
+TEST_F(Database, AfterAnIdComesWhatReachedTheDatabaseLater) {
+  const auto add = [this](const std::string& file, const std::string& unit, const std::string& outcome, int hour) {
+    AttemptRecord attempt;
+    attempt.run = "run of " + unit;
+    attempt.unit = unit;
+    attempt.outcome = outcome;
+    attempt.began_utc = attempt.time_utc = format_utc(3600.0 * hour);
+    EXPECT_TRUE(good(ResultsDatabase::open(path(file)))->note(attempt).ok());
+  };
+  std::int64_t last = 0;
+  const auto news = [&] {
+    std::string text;
+    const std::string csv = run("history results.db --attempts --format csv --after " + std::to_string(last)).out;
+    for (const std::string& line : lines_of(csv)) {
+      const std::vector<std::string> cells = lines_of(line, ',');
+      if (cells.front() == "id") continue;
+      last = std::max(last, parse_integer(cells.front()).value_or(0));
+      text += cells[1] + " " + cells[4] + " " + cells.back() + "; ";
+    }
+    return text;
+  };
+  add("results.db", "SN1", "running", 10);
+  add("results.db", "SN2", "pass", 11);
+  EXPECT_EQ(news(), "SN1 running run of SN1; SN2 pass run of SN2; ");
+  EXPECT_EQ(news(), "");
+  add("kept.db", "SN3", "fail", 8);  // it waited for the server
+  ends({"records", "copy", "kept.db", "results.db"}, 0);
+  add("results.db", "SN1", "hold", 9);  // the clock was set back
+  EXPECT_EQ(news(), "SN3 fail run of SN3; SN1 hold run of SN1; ");
+  ends("history results.db --attempts --after 5", 1, "has id 4");
+  ends("history results.db --after 1", 1, "has id 0");
+}
+
+TEST_F(Database, AnEmptyFileIsNoneForAReader) {
+  write("results.db", "");
+  for (const Arguments& reader : {Arguments("records check results.db"), Arguments("records copy results.db two.db"),
+                                  Arguments("history results.db"), Arguments("shift results.db")})
+    ends(reader, 1, "results.db: results database: holds no tables");
+  station();
+  EXPECT_EQ(dry_run("SN1").code, 0);
+  EXPECT_SAYS(ends("records check results.db", 0).out, "1 attempt");
+}
+
+TEST_F(Database, SaysWhatIsNotThereAndWhatWasMeant) {
+  station("record.store = store\n");
+  ASSERT_EQ(dry_run("SN1").code, 0);
+  ends("records restore store --simulated --unit SN2", 1,
+       "store: there is no simulated unit 'SN2'; did you mean 'SN1'?");
+  ends("records restore store --unit SN1", 1, "store: unit 'SN1' has simulated versions only: --simulated");
+  ends("records restore store --simulated --unit SN1 --version 7", 1, "there is no version 7: expected 1 to 1");
+  ends("queue q --again SN1", 1, "q: there is no unit 'SN1': there is none at all");
+  ends("queue q --add SN1 --add SN22", 0);
+  for (const char* change : {"--again", "--remove"})
+    ends(std::string("queue q ") + change + " SN2Z", 1, "q: there is no unit 'SN2Z'; did you mean 'SN22'?");
+  ends("queue q --again SN1", 1, "q: unit 'SN1' has no outcome yet");
+}
+
 // Words between backquotes in the first column of the tables of docs/production.md, "Results for a MES".
 std::multiset<std::string> documented_keys() {
   const std::string text = file_text(std::string(TURNCAL_SOURCE_DIR) + "/docs/production.md");

@@ -111,6 +111,25 @@ TEST_F(Server, TwoStationsAddAtOnceAndNothingIsLostOrDoubled) {
   EXPECT_SAYS(shift.out, "8 attempts");
 }
 
+// A reader that has seen a number misses no smaller one: who writes waits for who has begun to.
+TEST_F(Server, NumbersOfRowsGrowAsTheRowsCanBeRead) {
+  Result<ResultsDatabase> server = good(ResultsDatabase::open(address("east")));
+  std::thread slow([this] {
+    psql(
+        "BEGIN; SELECT pg_advisory_xact_lock(7467); INSERT INTO attempt_note(key, unit, began_utc, time_utc, outcome, "
+        "simulated, sessions) VALUES('k', 'slow', '', '', 'pass', 0, 1); SELECT pg_sleep(2); COMMIT",
+        "", "> /dev/null", "west");
+  });
+  std::this_thread::sleep_for(std::chrono::seconds(1));
+  AttemptRecord fast;
+  fast.unit = "fast";
+  EXPECT_TRUE(server->note(fast).ok());
+  std::string units;
+  for (const AttemptRecord& attempt : attempts(address("watcher"))) units += attempt.unit + " ";
+  slow.join();
+  EXPECT_EQ(units, "slow fast ");
+}
+
 TEST_F(Server, WhatWasKeptWhileItWasStoppedIsSentOnce) {
   station(address("east"));
   ASSERT_EQ(run(dry_run("SN1")).code, 0);
