@@ -15,11 +15,13 @@ namespace turncal {
 
 namespace {
 
-bool is_figure(std::string_view word) {
-  while (!word.empty() && std::string_view(",;:()").find(word.back()) != std::string_view::npos) word.remove_suffix(1);
-  while (!word.empty() && word.front() == '(') word.remove_prefix(1);
-  return !word.empty() && std::string_view("+-.0123456789").find(word.front()) != std::string_view::npos &&
-         word.find_first_of("0123456789") != std::string_view::npos;
+// Returns a figure as an ellipsis, with the marks around it; a word is empty.
+std::string masked(std::string_view word) {
+  constexpr std::string_view marks = ",;:()", digits = "0123456789";
+  const std::size_t begin = word.find_first_not_of('('), end = word.find_last_not_of(marks);
+  if (end == word.npos || word.find_first_of(digits) == word.npos) return "";
+  if (("+-." + std::string(digits)).find(word[begin]) == std::string::npos) return "";
+  return std::string(word.substr(0, begin)) + "…" + std::string(word.substr(end + 1));
 }
 
 constexpr double day_s = 86400.0;
@@ -169,12 +171,17 @@ double hours_of(const AttemptRecord& attempt) {
 
 std::string reason_class(const AttemptRecord& attempt) {
   std::string text, first = attempt.reason.substr(0, attempt.reason.find(';'));
-  if (first.starts_with("step ")) first.erase(0, first.find(": ") + 2);  // the place of the run is not a reason
-  const std::size_t figures = first.find(" = ");
+  const std::size_t place = first.find("step ");
+  if (place == 0 || first.substr(0, place).ends_with(" dropped out at "))
+    first.erase(0, first.find(": ", place) + 2);  // the place of the run is not a reason
+  // A verdict names the quantity that decided, and then its figures; other reasons are sentences with figures in them.
+  const bool judged = enum_from<UnitVerdict>(attempt.outcome).has_value();
+  const std::size_t figures = judged ? first.find(" = ") : first.npos;
   for (const std::string_view word : split(std::string_view(first).substr(0, figures), ' ')) {
-    if (word.empty() || is_figure(word)) break;
+    const std::string figure = masked(word);
+    if (word.empty() || (judged && !figure.empty())) break;
     if (word.starts_with(attempt.unit)) continue;
-    text += (text.empty() ? "" : " ") + std::string(word);
+    text += (text.empty() ? "" : " ") + (figure.empty() ? std::string(word) : figure);
   }
   while (!text.empty() && std::string_view(",:( ").find(text.back()) != std::string_view::npos) text.pop_back();
   return in_words(attempt.outcome) + (text.empty() ? "" : ": " + text);

@@ -76,18 +76,21 @@ TEST(LineYield, ReasonsWithoutWhatDiffersFromUnitToUnit) {
   line.attempt("A", "fail", "gyro x bias (N01) 0.310 deg/h, limits -0.2 .. 0.2, guard band 0.0040");
   line.attempt("B", "fail", "gyro x bias (N01) -0.440 deg/h, limits -0.2 .. 0.2; diagnosis unexplained");
   line.attempt("C", "hold", "diagnosis extended: accel_second_order (31 sigma)");
-  line.attempt("SN7", "dropped", "unit SN7 dropped out at DWELL: no sample for 2 s").attempt("E", "pass");
+  line.attempt("SN7", "dropped",
+               "unit SN7 dropped out at step 4 (4/14) settling, roll at -90 deg: no sample from the IMU for 2 s");
+  line.attempt("E", "pass").attempt("G", "failed", "connecting: 127.0.0.1:502: cannot open: Connection refused");
   line.attempt("F", "interrupted",
                "step 5 (5/14) at rest at heading 0.0000 pitch 0.0000 roll 0.0000 deg: paused; rests");
   const LineYield y = line.yield();
-  ASSERT_EQ(y.reasons.size(), 4u);
+  ASSERT_EQ(y.reasons.size(), 5u);
   EXPECT_EQ(y.reasons[0].reason, "fail: gyro x bias (N01)");
   EXPECT_EQ(y.reasons[0].attempts, 2u);
-  EXPECT_DOUBLE_EQ(y.reasons[0].share, 0.4);
-  EXPECT_DOUBLE_EQ(y.reasons[3].cumulated, 1.0);
+  EXPECT_DOUBLE_EQ(y.reasons[0].share, 2.0 / 6.0);
+  EXPECT_DOUBLE_EQ(y.reasons[4].cumulated, 1.0);
   EXPECT_EQ(reason_class(line.all[2]), "hold: diagnosis extended: accel_second_order");
-  EXPECT_EQ(reason_class(line.all[3]), "dropped: unit dropped out at DWELL: no sample for");
-  EXPECT_EQ(reason_class(line.all[5]), "interrupted: paused");
+  EXPECT_EQ(reason_class(line.all[3]), "dropped: no sample from the IMU for … s");
+  EXPECT_EQ(reason_class(line.all[5]), "failed: connecting: …: cannot open: Connection refused");
+  EXPECT_EQ(reason_class(line.all[6]), "interrupted: paused");
 }
 
 // Wilson 1927: 19 of 20 is 76.4 to 99.1 %.
