@@ -139,7 +139,7 @@ Status expect_file(const std::string& path, FileKind wanted) {
   const FileKind kind = recognise_file(path);
   if (kind == FileKind::unknown || kind == wanted || (is_table(wanted) && is_table(kind))) return {};
   return input_error("{}: this is {}, expected {}; {}", path, row_of(kind).what, row_of(wanted).what,
-                     fmt::format(fmt::runtime(row_of(kind).taken), path));
+                     fmt::format(fmt::runtime(row_of(kind).taken), shell_path(path)));
 }
 
 }  // namespace turncal

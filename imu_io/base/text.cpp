@@ -86,6 +86,17 @@ std::string quoted(std::string_view text) {
   return result;
 }
 
+std::string shell_path(std::string_view path) {
+  const std::string text = (path.starts_with('-') ? "./" : "") + std::string(path);
+  const auto plain = [](unsigned char c) {
+    return std::isalnum(c) || std::string_view("/._-+:,=@").find(char(c)) != std::string_view::npos;
+  };
+  if (!text.empty() && std::ranges::all_of(text, plain)) return text;
+  std::string word = "'";
+  for (const char c : text) word += c == '\'' ? "'\\''" : std::string(1, c);
+  return word + "'";
+}
+
 std::string_view next_line(std::string_view& text, bool* had_end) {
   const std::size_t end = text.find('\n');
   std::string_view line = text.substr(0, end);

@@ -90,6 +90,9 @@ std::size_t printable_character(std::string_view text);
 // Puts a text from a file in quotes for a message: one line, at most 60 bytes of it, unprintable characters as '?'.
 std::string quoted(std::string_view text);
 
+// Returns a path as a POSIX shell and turncal take it, for a line to paste: in quotes unless it is plain, never taken for an option.
+std::string shell_path(std::string_view path);
+
 // Removes the next line from the front and returns it without its LF or CRLF. had_end: the line had an end.
 std::string_view next_line(std::string_view& text, bool* had_end = nullptr);
 

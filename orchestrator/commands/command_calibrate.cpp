@@ -55,7 +55,7 @@ std::optional<ParameterVector> truth_beside(const std::string& recording) {
 
 // Prints the last lines of a calibration or a diagnosis.
 void say_end(const Document& report, const OutputFolder& folder, std::ostream& out) {
-  out << as_brief_text(report) << "open " << folder.file(report_name) << std::endl;
+  out << as_brief_text(report) << "open " << shell_path(folder.file(report_name)) << std::endl;
 }
 
 Status calibrate(const CalibrateOptions& options, CommandContext& context) {

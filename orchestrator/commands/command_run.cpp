@@ -40,13 +40,15 @@ Status run(const RunOptions& options, CommandContext& context) {
   }
   if (options.request.units.empty()) return input_error("--unit is required: the serial number of the unit");
   if (options.folder.empty()) return input_error("--out is required: the folder for the results");
-  const Status done = begin_run(options.request, options.folder, context).status;
+  const RunEnd end = begin_run(options.request, options.folder, context);
   const std::string page = options.folder + "/" + diagnosis_folder + "/" + report_name;
-  if (done && options.request.dry_run && path_exists(page))
-    context.out << dry_run_tag << "open " << page << "\n"
-                << dry_run_tag << "next: turncal navigate " << options.folder << " --parameters " << options.folder
-                << "/parameters.conf --out " << options.folder << "-navigated\n";
-  return done;
+  if (end.units.empty() || !options.request.dry_run || !path_exists(page)) return end.status;
+  context.out << dry_run_tag << "open " << shell_path(page) << "\n";
+  if (end.status)
+    context.out << dry_run_tag << "next: turncal navigate " << shell_path(options.folder) << " --parameters "
+                << shell_path(options.folder + "/" + parameters_name) << " --out "
+                << shell_path(options.folder + "-navigated") << "\n";
+  return end.status;
 }
 
 Status resume(const RunOptions& options, CommandContext& context) {
@@ -235,8 +237,9 @@ Status run_batch(const BatchOptions& options, CommandContext& context) {
                              unjudged > 0 ? fmt::format("{} without a verdict, ", unjudged) : "", others)
               << std::flush;
   if (others == 0) return {};
-  return Error{ErrorKind::unit_failed, fmt::format("{} of {} did not pass; see turncal queue {}",
-                                                   counted(others, "unit"), passed + unjudged + others, options.queue)};
+  return Error{ErrorKind::unit_failed,
+               fmt::format("{} of {} did not pass; see turncal queue {}", counted(others, "unit"),
+                           passed + unjudged + others, shell_path(options.queue))};
 }
 
 struct QueueOptions {

@@ -72,12 +72,6 @@ void print_totals(const StationConfig& station, const Plan& plan, std::ostream& 
       format_duration(plan.station_s), plan.station_s, format_duration(plan.moving_s), plan.moving_s);
 }
 
-Result<RecordingInfo> info_of(const StationConfig& station) {
-  if (station.imu) return planned_info(station, nullptr);
-  const RigConfig rig = TRY(rig_of(station));
-  return planned_info(station, &rig);
-}
-
 void print_plan(const Sequence& sequence, const StationConfig& station, const Plan& plan, std::ostream& out) {
   const double period_s = plan.samples > 0 ? plan.station_s / double(plan.samples) : 0.0;
   out << "Sequence  " << sequence.file << " (" << sequence.name << ", " << counted(std::ssize(sequence.steps), "step")
@@ -425,13 +419,19 @@ Status serve(const ServeOptions& options, CommandContext& context) {
   return {};
 }
 
-}  // namespace
+// Asks what a run of this request would ask before anything moves. Nothing is written, opened or moved.
+struct CheckOptions {
+  RunRequest request;
+  std::string out;       // folder of a run; empty: not checked
+  bool explain = false;  // explain the table, too; without a sequence, only that
+};
 
 Status run_check(const CheckOptions& options, CommandContext& context) {
   std::ostream& out = context.out;
-  const Result<StationConfig> station = read_station_config(options.station);
+  RunRequest request = options.request;
+  const Result<StationConfig> station = read_station_config(request.station);
   if (options.explain && station) print_devices(*station, out);
-  if (options.sequence.empty()) {
+  if (request.sequence.empty()) {
     if (!station) return station.error();
     if (!options.explain) return input_error("--sequence is required: the sequence file (or --explain alone)");
     const Against found = against(*station);
@@ -439,62 +439,52 @@ Status run_check(const CheckOptions& options, CommandContext& context) {
       for (const std::string& line : lines) context.warn(line);
     return {};
   }
-  Result<Sequence> sequence = read_sequence(options.sequence);
-  const Result<RecordingInfo> info = station ? info_of(*station) : Result<RecordingInfo>(RecordingInfo{});
-  for (const Error* error :
-       {station ? nullptr : &station.error(), info ? nullptr : &info.error(), sequence ? nullptr : &sequence.error()})
+  const Result<Sequence> sequence = read_sequence(request.sequence);
+  for (const Error* error : {station ? nullptr : &station.error(), sequence ? nullptr : &sequence.error()})
     if (error != nullptr) context.fail({ErrorKind::input, error->message});
-  if (!station || !sequence || !info) return {};
+  if (!station || !sequence) return {};
+  request.dry_run = !station->imu;
+  const RunPlan run = TRY(read_run(request));
   Against found = against(*station);
-  const PlanLimits limits = plan_limits(*station, info->sample_period_s);
-  Plan plan = make_plan(*sequence, limits);
-  const std::vector<std::string> keys = undetermined_by(*sequence, plan, *info);
-  if ((station->verify_run || options.verify) && keys.empty()) {  // as a run does without --partial
-    static_cast<void>(TRY(append_north_seeking(*station, *sequence)));
-    plan = make_plan(*sequence, limits);
-  }
-  print_plan(*sequence, *station, plan, out);
+  print_plan(run.sequence, *station, run.plan, out);
   if (station->chamber) out << chamber_line(*station->chamber) << "\n";
   if (!station->simulated() && station->table.driver != TableDriver::manual)
     out << "Computer  " << RealTime().text() << "\n";
-  if (!keys.empty()) out << "\nThis sequence " << coverage_text(keys) << ".\n";
-  RunPlan run;
-  run.request.units = options.units;
-  run.request.overdue_reason = options.overdue_reason;
-  run.station = *station;
-  run.plan = plan;
+  std::vector<Error> blocks = sequence_refusals(run, in_part);
+  for (const std::string& line : found.blocks) blocks.push_back(input_error(line));
   const std::vector<Error> refused = preflight(run, options.out, wall_utc_s());
   if (const std::string trouble = server_trouble(*station); !trouble.empty())
     found.doubts.push_back(trouble + "; a run would keep its rows in " + station->outbox + " and send them later");
-  const bool only_storage = plan.ok() && found.blocks.empty() && !refused.empty();
-  found.blocks.insert(found.blocks.begin(), plan.violations.begin(), plan.violations.end());
-  for (const Error& error : refused) found.blocks.push_back(error.message);
+  blocks.insert(blocks.end(), refused.begin(), refused.end());
   if (refused.empty())
     out << (options.out.empty() ? "\nHooks" : "\nOutput folder, disk space, hooks") << " and due dates are in order.\n";
   // Defects come last, because the plan above is longer than a screen.
-  out << (!found.blocks.empty() ? "\nThe station cannot run this sequence:\n"
-          : keys.empty()
-              ? "\nThe station can run this sequence.\n"
-              : "\nThe station can run this sequence with --partial or --capture-only; without, it is refused.\n")
+  out << (blocks.empty() ? "\nThe station can run this sequence.\n" : "\nThe station cannot run this sequence:\n")
       << std::flush;
-  for (const std::string& line : found.blocks) context.fail(input_error(line));
+  for (const Error& error : blocks) context.fail(error);
   for (const std::string& line : found.doubts) context.warn(line);
-  if (only_storage) context.exit_code = exit_code(refused.front().kind);
+  if (std::ranges::any_of(blocks, [](const Error& error) { return error.kind == ErrorKind::input; }))
+    context.exit_code = exit_code(ErrorKind::input);
   return {};
 }
+
+}  // namespace
 
 void add_check_command(CommandLine& line) {
   const auto [command, options] =
       line.command<CheckOptions>("check", "validate station and sequence, print the plan; nothing moves", run_check);
-  command.option("--station", options.station, "station configuration; default: the built-in rig station");
-  command.option("--sequence", options.sequence, "sequence file; needed unless --explain is given");
+  RunRequest& request = options.request;
+  command.option("--station", request.station, "station configuration; default: the built-in rig station");
+  command.option("--sequence", request.sequence, "sequence file; needed unless --explain is given");
   command.flag("--explain", options.explain,
                "print what each operation sends to the table and what its answers mean, to compare with its manual");
-  command.flag("--verify", options.verify, "include the north seeking of run --verify");
-  command.option("--override-due", options.overdue_reason,
+  command.flag("--verify", request.verify, "include the north seeking of run --verify");
+  command.flag("--partial", request.partial, "check a run that estimates what the sequence determines");
+  command.flag("--capture-only", request.capture_only, "check a run that only records");
+  command.option("--override-due", request.overdue_reason,
                  "reason for using a table whose calibration is overdue, as for run");
   command.option("--out", options.out, "folder of the run: check that it is writable and has enough space");
-  command.option("--unit", options.units, {is::one_word_each}, "serial number of a unit");
+  command.option("--unit", request.units, {is::one_word_each}, "serial number of a unit");
 }
 
 void add_commission_command(CommandLine& line) {

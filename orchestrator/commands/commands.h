@@ -151,19 +151,6 @@ struct RunRequest;
 void add_record_options(const Command& command, RunRequest& request);
 void add_watch_options(const Command& command, RunRequest& request);
 
-// `turncal check`: validates station and sequence before anything moves, and prints the plan. Exit code 0 when the station can run the
-// sequence; else 1 and one line for each problem. Nothing is written, opened or moved.
-struct CheckOptions {
-  std::string station;   // file; empty: the built-in rig station
-  std::string sequence;  // file
-  std::string overdue_reason = {};
-  std::string out = {};  // folder of a run; empty: not checked
-  std::vector<std::string> units = {};
-  bool verify = false;
-  bool explain = false;  // explain the table, too; without a sequence, only that
-};
-Status run_check(const CheckOptions& options, CommandContext& context);
-
 // Returns "FILE:LINE: KEY is a guess" for each such line of the table's file and the unit's frame; moving: only for those that
 // decide what moves.
 std::vector<std::string> guesses_of(const StationConfig& station, bool moving, bool heating = false);

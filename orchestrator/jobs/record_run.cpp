@@ -218,7 +218,7 @@ RunEnd stopped(Run& run, const RunOutcome& outcome, bool goes_on, CommandContext
       unit.status = outcome.error;
   }
   const std::string how =
-      run.request.session.part ? "the same command continues" : "resume with: turncal resume " + run.folder;
+      run.request.session.part ? "the same command continues" : "resume with: turncal " + resuming(run.folder);
   if (goes_on && outcome.state == RunState::interrupted)
     whole.message += "; " + how;
   else if (goes_on)
@@ -233,7 +233,7 @@ RunEnd stopped(Run& run, const RunOutcome& outcome, bool goes_on, CommandContext
 RunEnd told(Run& run, const RunOutcome& outcome, RunDevices& devices, RunView& view, double began_s) {
   CommandContext& context = view.context;
   if (outcome.stop_failed && devices.live) devices.live->give_table_up();
-  if (outcome.storage_hangs) end_without_storage(outcome.error.message, run.folder, "resume " + run.folder, context);
+  if (outcome.storage_hangs) end_without_storage(outcome.error.message, run.folder, resuming(run.folder), context);
   log_how_left(run, outcome, devices, context);
   view.progress.clear();
   note_outcome(outcome, run);
@@ -343,11 +343,9 @@ RunEnd record_run(Run& run, RunDevices& devices, CommandContext& context) {
     };
   std::optional<StorageLimit> limit;
   if (!devices.live)
-    limit.emplace([&] { return storage.stuck(); },
-                  [&] {
-                    end_without_storage(storage.status().error().message, run.folder, "resume " + run.folder,
-                                        view.context);
-                  });
+    limit.emplace(
+        [&] { return storage.stuck(); },
+        [&] { end_without_storage(storage.status().error().message, run.folder, resuming(run.folder), view.context); });
   const StationJob job{run.sequence, run.plan, run.station, run.resume, run.sessions > 1, run.temperature_c()};
   const RunOutcome outcome = StationRun(devices.devices(), job, units, hooks).run();
   display.drain();

@@ -114,8 +114,10 @@ struct RunEnd {
 // Returns whether every unit still in the run has its verdict, so that there is nothing to resume.
 bool is_over(const JournalContents& journal);
 
-// Checks that the station can run the sequence and that it serves its purpose; `otherwise`: what can be done instead. Part of begin_run; a
-// batch calls it before its first unit.
+// Returns all that the station cannot do of the sequence, and why it does not serve its purpose; `otherwise`: what can be done instead.
+std::vector<Error> sequence_refusals(const RunPlan& run, const std::string& otherwise);
+inline constexpr const char* in_part = ", --partial to estimate what can be of the others, or --capture-only";
+// Returns the first of them. Part of begin_run; a batch calls it before its first unit.
 Status check_sequence(const RunPlan& run, const std::string& otherwise = "");
 
 RunEnd begin_run(const RunRequest& request, const std::string& folder, CommandContext& context);
@@ -149,6 +151,9 @@ inline constexpr double least_diagnosed_s = 1800.0;
 Status make_results(Run& run, double utc_s, CommandContext& context);
 // Prints the results and sets the status of every unit that is still in the run and was calibrated.
 void print_results(Run& run, double wall_s, std::ostream& out);
+
+// Returns what continues a run, after `turncal`, to be pasted.
+inline std::string resuming(const std::string& folder) { return "resume " + shell_path(folder); }
 
 // Ends the program at once when the disk hangs, because it would block whoever waits for it; the table has been left before.
 // `then`: the command to use when the disk answers again.

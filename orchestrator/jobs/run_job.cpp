@@ -147,17 +147,15 @@ std::string and_more(std::size_t found) {
   return found > 1 ? fmt::format("; turncal check shows {} more", found - 1) : "";
 }
 
-Status check_plan(const Plan& plan) {
-  if (plan.ok()) return {};
-  return input_error(plan.violations.front() + and_more(plan.violations.size()));
+Status first_of(const std::vector<Error>& found) {
+  if (found.empty()) return {};
+  return Error{found.front().kind, found.front().message + and_more(found.size())};
 }
 
 Status look_ahead(const RunPlan& run, const std::string& folder, double utc_s) {
   if (!run.request.continues.empty())
     if (const auto earlier = recordings_up_to(run.request.continues); !earlier) return earlier.error();
-  const std::vector<Error> found = preflight(run, folder, utc_s);
-  if (found.empty()) return {};
-  return Error{found.front().kind, found.front().message + and_more(found.size())};
+  return first_of(preflight(run, folder, utc_s));
 }
 
 std::string first_line(const RunPlan& run) {
@@ -233,7 +231,7 @@ RunEnd with_units(RunEnd end, const Run& run) {
 RunEnd conclude(RunEnd end, Run& run, CommandContext& context) {
   for (RunUnit& unit : run.units)
     if (!end.to_the_end && unit.status) unit.status = end.status;
-  auto limit = limit_storage(run.folder, "resume " + run.folder, context);
+  auto limit = limit_storage(run.folder, resuming(run.folder), context);
   const Status noted = note_outcomes(run);
   limit.reset();
   if (!noted) {
@@ -439,23 +437,32 @@ bool is_over(const JournalContents& journal) {
   return true;
 }
 
-Status check_sequence(const RunPlan& run, const std::string& otherwise) {
-  TRY(check_plan(run.plan));
+std::vector<Error> sequence_refusals(const RunPlan& run, const std::string& otherwise) {
+  std::vector<Error> found;
+  const auto add = [&found](const Status& status) {
+    if (!status) found.push_back(status.error());
+  };
+  for (const std::string& violation : run.plan.violations) add(input_error(violation));
   RecordingInfo info = planned_info(run);
-  if (run.request.verify) {
+  if (run.verified) {
     info.unit_serial = run.unit();
     info.simulated = run.simulated();
-    if (run.verified) TRY(check_applicable(*run.verified, run.request.verified, info));
-    TRY(check_north_seeking(planned_segments(run.plan), run.verify_from, run.sample_period_s(), run.sequence.file));
+    add(check_applicable(*run.verified, run.request.verified, info));
   }
-  if (run.request.capture_only || run.request.partial || !run.request.continues.empty()) return {};
+  if (run.request.verify)
+    add(check_north_seeking(planned_segments(run.plan), run.verify_from, run.sample_period_s(), run.sequence.file));
+  if (run.request.capture_only || run.request.partial || !run.request.continues.empty()) return found;
   Sequence calibrating = run.sequence;
   if (run.verify_from > 0)
     std::erase_if(calibrating.steps, [&](const Step& step) { return step.number >= run.verify_from; });
   const Plan plan = make_plan(calibrating, plan_limits(run.station, run.sample_period_s()));
   const std::vector<std::string> keys = undetermined_by(calibrating, plan, info);
-  if (keys.empty()) return {};
-  return input_error("sequence " + run.sequence.name + " " + coverage_text(keys) + otherwise);
+  if (!keys.empty()) add(input_error("sequence " + run.sequence.name + " " + coverage_text(keys) + otherwise));
+  return found;
+}
+
+Status check_sequence(const RunPlan& run, const std::string& otherwise) {
+  return first_of(sequence_refusals(run, otherwise));
 }
 
 RunEnd begin_run(const RunRequest& request, const std::string& folder_path, CommandContext& context) {
@@ -463,9 +470,7 @@ RunEnd begin_run(const RunRequest& request, const std::string& folder_path, Comm
   RunPlan plan = TRY(plan_run(request));
   context.tag = tag_of(plan);
   const LinePrefix marked(context.out, context.tag);
-  if (Status status = check_sequence(plan, ", --partial to estimate what can be of the others, or --capture-only");
-      !status)
-    return refused(plan, status.error(), context);
+  if (Status status = check_sequence(plan, in_part); !status) return refused(plan, status.error(), context);
   Result<RunDevices> devices = make_devices(plan, context);
   if (!devices) return refused(plan, devices.error(), context);
   const double utc_s = devices->devices().clock.utc_s();
@@ -522,7 +527,7 @@ RunEnd resume_run(const std::string& folder, const RunRequest& now, CommandConte
   if (TRY(sealed_recordings(run))) return conclude(finish_sealed(run, contents, context), run, context);
 
   mark_dropped(contents, false, run.units);
-  TRY(check_plan(run.plan));
+  if (!run.plan.ok()) return input_error(run.plan.violations.front() + and_more(run.plan.violations.size()));
   TRY(check_goes_on(run, contents));
   repair(contents, run.rig);
   RunDevices devices = TRY(make_devices(run, context));
@@ -543,7 +548,7 @@ RunEnd resume_run(const std::string& folder, const RunRequest& now, CommandConte
   if (contents.last_dwell && utc_s < contents.last_dwell->utc_s - ClockWatch::step_s)
     what +=
         "; the clock was set back: it stands before the end of that item, " + format_utc(contents.last_dwell->utc_s);
-  auto limit = limit_storage(folder, "resume " + folder, context);
+  auto limit = limit_storage(folder, resuming(folder), context);
   TRY(run.journal->append(
       JournalType::resume,
       {{"software_version", software_version()}, {"what", what}, {"overdue_reason", run.request.overdue_reason}}));

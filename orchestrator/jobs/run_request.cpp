@@ -152,7 +152,7 @@ Status turn_on_again(RunPlan& run) {
 
 // Draws a unit of a lot from its serial number; the clock goes on from run to run.
 Status turn_on_of_lot(RunPlan& run) {
-  if (!run.rig.lot.seed) return {};
+  if (!run.rig.lot.seed || run.request.units.empty()) return {};
   if (run.request.units.size() > 1)
     return input_error("{}: lot.seed: expected one unit at a time, found {}", run.request.rig,
                        run.request.units.size());
@@ -275,6 +275,13 @@ Result<int> append_north_seeking(const StationConfig& station, Sequence& sequenc
 }
 
 Result<RunPlan> plan_run(const RunRequest& request) {
+  RunPlan run = TRY(read_run(request));
+  if (!request.dry_run) TRY(check_real_devices(run.station));
+  TRY(check_chamber(run));
+  return run;
+}
+
+Result<RunPlan> read_run(const RunRequest& request) {
   if (request.capture_only && request.partial) return input_error("--capture-only and --partial: expected one of them");
   RunPlan run;
   run.request = request;
@@ -292,8 +299,7 @@ Result<RunPlan> plan_run(const RunRequest& request) {
     return input_error("--rig describes a simulated table and unit: it needs --dry-run");
   if (!wanted.dry_run && wanted.session.pace > 0.0)
     return input_error("--pace slows virtual time down: it needs --dry-run");
-  TRY(wanted.dry_run ? prepare_rig(run) : check_real_devices(run.station));
-  TRY(check_chamber(run));
+  TRY(wanted.dry_run ? prepare_rig(run) : run.station.imu ? Status{} : check_real_devices(run.station));
   if (wanted.units.size() > places(run))
     return input_error(
         "--unit: {} units: expected at most {}{}", wanted.units.size(), places(run),

@@ -113,6 +113,8 @@ Status check_real_devices(const StationConfig& station);  // the first of these,
 // Appends verify.seq to a calibration and returns the number of its first step. An error at latitudes where gyros cannot find north.
 Result<int> append_north_seeking(const StationConfig& station, Sequence& sequence);
 
+// Reads what a request names and plans it.
+Result<RunPlan> read_run(const RunRequest& request);
 // Plans a run with every check that is made before anything is made or moved, except check_sequence().
 Result<RunPlan> plan_run(const RunRequest& request);
 

@@ -242,7 +242,7 @@ Status make_unit(Run& run, RunUnit& unit, double utc_s, CommandContext& context)
   making.recordings.push_back(*unit.recording);
   const Status estimated = estimate(making);
   const auto keep = [&](const std::function<Status()>& step) {
-    const auto limit = limit_storage(unit.folder, "resume " + run.folder, context);
+    const auto limit = limit_storage(unit.folder, resuming(run.folder), context);
     return stored(step());
   };
   if (run.request.dry_run)
@@ -274,6 +274,11 @@ void print_unit(const Run& run, const RunUnit& unit, double wall_s, std::ostream
                                               : Result<ParameterVector>(input_error("a real unit has no known truth"));
     out << '\n' << as_text(result_table(unit.output->file, truth ? std::optional(*truth) : std::nullopt)) << '\n';
     if (unit.diagnosis) out << as_text(unit.diagnosis->files.report, diagnosis_lines) << '\n';
+  }
+  if (unit.verification)
+    out << (unit.output ? "" : "\n")
+        << as_text(verification_document(*unit.verification, unit.output ? "north seeking" : "verdict")) << '\n';
+  if (unit.output) {
     const VerdictReport& verdict = unit.verdict;
     for (const std::string& line : judged_lines(verdict)) out << line << '\n';
     const std::string why = reason_of(run, verdict);
@@ -284,10 +289,7 @@ void print_unit(const Run& run, const RunUnit& unit, double wall_s, std::ostream
     out << "parameters  " << unit.file(parameters_name) << '\n';
     if (unit.diagnosis) out << "report      " << unit.file(diagnosis_folder) << '/' << report_name << '\n';
   }
-  if (unit.verification) {
-    out << '\n' << as_text(verification_document(*unit.verification));
-    out << "verification  " << unit.file(verification_page) << '\n';
-  }
+  if (unit.verification) out << "verification  " << unit.file(verification_page) << '\n';
   if (run.request.dry_run) out << "truth       " << unit.file(truth_name) << '\n';
   out << "recording   " << unit.file(binary_recording_name) << "\nlog         " << run.folder << '/' << log_name
       << '\n';
@@ -376,8 +378,10 @@ std::string outcome_words(const std::string& unit, std::string_view outcome, con
 std::string reason_alone(const Status& status, const std::string& unit, std::string_view outcome,
                          const VerdictReport& verdict) {
   if (status) return verdict.reason;
-  const std::string head = outcome_words(unit, outcome, "") + ": ", &message = status.error().message;
-  return message.starts_with(head) ? message.substr(head.size()) : message;
+  const std::string& message = status.error().message;
+  for (const std::string& head : {outcome_words(unit, outcome, "") + ": ", dropout_words(unit, {})})
+    if (message.starts_with(head)) return message.substr(head.size());
+  return message;
 }
 
 void print_results(Run& run, double wall_s, std::ostream& out) {

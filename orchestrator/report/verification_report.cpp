@@ -226,7 +226,7 @@ std::string verification_words(const VerificationReport& report) {
   return figures_words(report) + (report.trusted ? "" : "; parameters not trusted: " + report.why_not_trusted);
 }
 
-Document verification_document(const VerificationReport& report) {
+Document verification_document(const VerificationReport& report, const std::string& verdict_name) {
   const NorthSeeking& found = report.found;
   const auto judged = [](const std::string& figures, UnitVerdict verdict) {
     return figures + ": " + in_words(to_string(verdict));
@@ -271,7 +271,7 @@ Document verification_document(const VerificationReport& report) {
     add_angles("sigma, noise", position.noise_sigma_deg, table, position.noise_sigma_deg);
     document.add(std::move(table));
   }
-  facts.add("verdict", verdict);
+  facts.add(verdict_name, verdict);
   document.add(std::move(facts), Scope::terminal);
   return document;
 }

@@ -55,7 +55,7 @@ void add_faults(const std::vector<std::string>& faults, Document& document);
 inline constexpr const char* not_judged_words = "verification: not judged: ";
 inline constexpr const char* assumed_noise_words =
     "assumed, the parameter file has no noise keys: 0.002 deg/sqrt(h) and 8 ug/sqrt(Hz)";
-Document verification_document(const VerificationReport& report);
+Document verification_document(const VerificationReport& report, const std::string& verdict_name = "verdict");
 
 struct ReferenceReport {
   std::string file;

@@ -106,7 +106,7 @@ std::string left_words(const RunSnapshot& at, std::optional<double> left_s, cons
 OperatorScreen last_screen(bool done, const std::string& resume, const OperatorTexts& texts) {
   OperatorScreen screen;
   screen.instruction = texts.say(done ? "screen.done" : "screen.ended");
-  if (!resume.empty()) screen.how = texts.say("screen.go_on", {{"folder", resume}});
+  if (!resume.empty()) screen.how = texts.say("screen.go_on", {{"folder", shell_path(resume)}});
   return screen;
 }
 

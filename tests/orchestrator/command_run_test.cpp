@@ -46,6 +46,24 @@ TEST_F(Run, OutputThatNobodyReadsDoesNotKillIt) {
   EXPECT_TRUE(std::filesystem::exists(folder_ / "out/parameters.conf"));
 }
 
+TEST_F(Run, IsRefusedWhereCheckSaysSo) {
+  const std::string few = first_steps("2");
+  write("full.station", station_head + "motion.settle_s = 0.5\nrecord.database = here/results.db\n");
+  write("here", "a file");
+  for (const auto& [more, code] : {std::pair("", 1),
+                                   {"--partial", 0},
+                                   {"--capture-only", 0},
+                                   {"--partial --capture-only", 1},
+                                   {"--capture-only --verify", 1},
+                                   {"--capture-only --unit SN1", 1},
+                                   {"--capture-only --station full.station", 1}}) {
+    const Arguments both = "--sequence " + few + " --unit SN1 --out out " + more;
+    ends("check" + both, code);
+    ends("run --dry-run --no-diagnosis" + both, code);
+    std::filesystem::remove_all(folder_ / "out");
+  }
+}
+
 // A pager, or a terminal stopped with Ctrl-S: the run goes on to its end; only what it prints at last has to wait.
 TEST_F(Run, OutputThatIsNotReadDoesNotHoldItUp) {
   const std::string fifo = folder_.string() + ".out";

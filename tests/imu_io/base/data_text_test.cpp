@@ -67,6 +67,18 @@ TEST(ClosestWord, OnlyACloseWordIsMeant) {
   EXPECT_EQ(did_you_mean(std::string(100000, 'r'), known), "");
 }
 
+TEST(ShellPath, ComesBackFromAShell) {
+  EXPECT_EQ(shell_path("a/b-1_2.conf"), "a/b-1_2.conf");
+  for (const std::string path :
+       {"my run's $HOME/`x`", "a\\b \"c\"", "*", "-x", "~", "#1", "a;b&c|d>e(f)!{g,h}", "Gerät 7"}) {
+    const std::unique_ptr<FILE, int (*)(FILE*)> shell(::popen(("printf %s " + shell_path(path)).c_str(), "r"),
+                                                      ::pclose);
+    std::string said(100, '\0');
+    said.resize(std::fread(said.data(), 1, said.size(), shell.get()));
+    EXPECT_EQ(said, path.starts_with('-') ? "./" + path : path);
+  }
+}
+
 // ---- numbers as text ----
 
 TEST(FormatNumber, WritesWhatPeopleWrite) {

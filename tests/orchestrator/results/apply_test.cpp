@@ -36,7 +36,9 @@ TEST_F(Apply, TakesEffectsOff) {
 
 // The rests of a north seeking are no part of a calibration; effects act in them all the same.
 TEST_F(Apply, EvaluatesEffectsInTheNorthSeekingToo) {
-  ends("run --dry-run --verify --no-diagnosis --unit SN1 --out v", 0);
+  const std::string said =
+      ends({"run", "--dry-run", "--verify", "--no-diagnosis", "--unit", "SN1", "--out", "v"}, 0).out;
+  EXPECT_EQ(said.find("] verdict "), said.rfind("] verdict ")) << "a unit has one: " << said;
   ParameterFile file = truth_of("v");
   file.effects.push_back({"accel_second_order", "y", 200.0, 1.0});
   const auto source = good(RecordingSource::open(path("v")));
