@@ -207,9 +207,9 @@ Result<CsvMap> map_for(const TextOptions& from, const ColumnSource& source, Comm
     TRY(write_file_atomically(from.map_out, proposal.text));
   }
   if (!proposal.doubts.empty())
-    return input_error(
-        "{}: in doubt: {}: expected a --map that says which (--map-out FILE writes this one, to be edited)",
-        from.source, fmt::join(proposal.doubts, "; "));
+    return input_error("{}: in doubt: {}: expected a --map that says which ({}, to be edited)", from.source,
+                       fmt::join(proposal.doubts, "; "),
+                       from.map_out.empty() ? "--map-out FILE writes this one" : "this one is in " + from.map_out);
   return parse_csv_map(proposal.text, "proposed map");
 }
 

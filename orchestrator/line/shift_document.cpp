@@ -362,7 +362,7 @@ Document shift_document(const ShiftReport& report) {
     document.text("All judged attempts passed.");
   else
     document.add(pareto_table(report.whole.yield));
-  document.add(Heading{2, "units", "Units, newest first"}, Scope::page);
+  document.add(Heading{2, "units", "Attempts, newest first"}, Scope::page);
   document.add(attempt_table(report.attempts, [](const AttemptRecord& a) { return unit_cell(a.unit, a.folder); }),
                Scope::page);
   if (!report.calibrations.empty()) add_charts(report, document);

@@ -154,9 +154,9 @@ void add_ros_forms(const AllanReport& report, Document& document) {
     const auto row = [&](const std::string& key, const OfTriad& of, double factor, const std::string& in,
                          const char* formula) {
       limits = limits || of.limit;
-      const std::string shown = significant(of.value * factor, 4);
+      const double value = of.value * factor;
       table.row(
-          {name(key), of.limit ? number("< " + shown) : number(shown, of.value * factor), text(in), wide(formula)});
+          {name(key), of.limit ? below(value, 4) : number(significant(value, 4), value), text(in), wide(formula)});
     };
     row(kalibr + "noise_density", white, 1.0, unit + "/√Hz", "N");
     row(kalibr + "random_walk", walk, 1.0, (gyro ? "rad/s²/√Hz" : "m/s³/√Hz"), "K");
@@ -203,7 +203,7 @@ Cell allan_cell(const AllanFit& fit, bool gyro, std::size_t term) {
   const AllanCoefficient& c = fit.terms[term];
   const double si = allan_unit(gyro, term).si;
   if (!fit.made) return number("-");
-  if (c.value == 0.0) return number("< " + significant(c.limit / si, 2));
+  if (c.value == 0.0) return below(c.limit / si, 2);
   return number(plus_minus(c.value / si, c.sigma / si, Alphabet::typographic), c.value / si);
 }
 

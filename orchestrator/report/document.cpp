@@ -29,6 +29,9 @@ Cell word(std::string_view of_file) { return {Cell::Kind::word, std::string(of_f
 Cell number(std::string_view words, double value) { return {Cell::Kind::number, std::string(words), value}; }
 Cell number(double value, int digits) { return number(significant(value, digits, Alphabet::typographic), value); }
 Cell number(const std::optional<double>& value, int digits) { return value ? number(*value, digits) : number("-"); }
+Cell below(double limit, int digits) {
+  return {Cell::Kind::number, "< " + significant(limit, digits), limit, {}, true};
+}
 Cell fixed(double value, int decimals) { return number(with_decimals(value, decimals), value); }
 Cell count(std::size_t value) { return number(std::to_string(value), double(value)); }
 Cell with_sigma(double value, double sigma) {
@@ -226,8 +229,9 @@ class JsonSection {
         const Cell& cell = row.cells[c];
         const std::string key = plain(table.head[c].words);
         if (is_drawn(cell)) continue;
+        if (cell.is_limit) object.raw(key, "null");
         if (cell.kind == Cell::Kind::number && (std::isfinite(cell.value) || cell.words == "-"))
-          object.number(key, cell.value);
+          object.number(cell.is_limit ? key + ", at most" : key, cell.value);
         else
           object.text(key, plain(cell.words));
       }

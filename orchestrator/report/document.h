@@ -24,6 +24,7 @@ struct Cell {
   std::string words;
   double value = std::numeric_limits<double>::quiet_NaN();  // NaN: there are only words
   std::string link = {};                                    // target of the words on a page; empty: none
+  bool is_limit = false;                                    // the value is not known, only that it is below this
 };
 
 namespace cell {
@@ -34,6 +35,7 @@ Cell word(std::string_view of_file);
 Cell number(std::string_view words, double value = std::numeric_limits<double>::quiet_NaN());  // words: as shown
 Cell number(double value, int digits = 3);                                                     // significant digits
 Cell number(const std::optional<double>& value, int digits = 3);                               // "-" without a value
+Cell below(double limit, int digits);
 Cell fixed(double value, int decimals);
 Cell count(std::size_t value);
 Cell with_sigma(double value, double sigma);  // to the second significant digit of sigma

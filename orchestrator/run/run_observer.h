@@ -51,7 +51,7 @@ struct RunSnapshot {
   std::vector<UnitSnapshot> units;
 };
 
-// Says what a requested pause waits for: "pause asked for: after this dwell, at 23:41:07Z; Ctrl-C again stops now".
+// Says what a requested pause waits for: "pause asked for: after this dwell, at 23:41:07Z".
 std::string format_pause(const RunSnapshot& at);
 
 struct TransitionRecord {

@@ -448,7 +448,7 @@ StationRun::MaybeEvent StationRun::select_next() {
   item_running_ = true;
   const PlannedItem& item = items[item_];
   if (item.kind == SequenceItem::Kind::dwell) {
-    detail_ = fmt::format("{}, {} samples", item.dwell_kind == SegmentKind::align ? "align" : "dwell", item.samples);
+    detail_ = fmt::format("{}, {:.6g} s", item.dwell_kind == SegmentKind::align ? "align" : "dwell", item.duration_s);
     return RunEvent::dwell_next;
   }
   pending_move_ = Move{item.axis, item.to_deg, item.rate_degps, item.acceleration_degps2};
@@ -657,7 +657,7 @@ std::string format_pause(const RunSnapshot& at) {
     default: return "paused";
   }
   if (at.item_end_utc_s > 0.0) when += ", at " + format_utc(at.item_end_utc_s).substr(11);
-  return "pause asked for: " + when + "; Ctrl-C again stops now";
+  return "pause asked for: " + when;
 }
 
 RunSnapshot StationRun::snapshot() const {

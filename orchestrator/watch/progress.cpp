@@ -112,7 +112,9 @@ bool stdout_takes_more() {
 void ProgressPrinter::on_transition(const TransitionRecord& record) {
   if (!takes_more_() || !(transitions_ || record.event == RunEvent::pause_wanted)) return;
   clear();
-  out_ << (transitions_ ? format_transition(record) : record.detail) << std::endl;
+  const bool waits = record.event == RunEvent::pause_wanted && record.to == record.from;
+  out_ << (transitions_ ? format_transition(record) : record.detail) << (waits ? "; Ctrl-C again stops now" : "")
+       << std::endl;
 }
 
 void ProgressPrinter::on_dropout(const Dropout& dropout) {

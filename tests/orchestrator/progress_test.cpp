@@ -77,7 +77,7 @@ TEST(Progress, TerminalSaysAtOnceWhatAPauseWaitsFor) {
   progress.on_transition(record);
   EXPECT_EQ(out.str(), "\x1b[2K\r[dry run] pause asked for: after this move; Ctrl-C again stops now\n");
   for (const auto& [state, text] :
-       {std::pair{RunState::homing, "after homing;"}, std::pair{RunState::settling, "after settling;"},
+       {std::pair{RunState::homing, "after homing"}, std::pair{RunState::settling, "after settling"},
         std::pair{RunState::parking, "everything is recorded, the run finishes"}}) {
     record.at.state = state;
     EXPECT_SAYS(format_pause(record.at), text);

@@ -73,7 +73,7 @@ Document sample_document() {
             Table::Emphasis::hit);
   table.row({cell::name("SN\"2\""), cell::number(-1.5e-7), cell::number("1 of 3", 1.0), cell::half(1.0),
              cell::wide(std::string(150, 'w'))});
-  table.row({cell::name("SN3"), cell::count(3), cell::number("given"), cell::half(0.0), cell::wide("")},
+  table.row({cell::name("SN3"), cell::below(3.0, 1), cell::number("given"), cell::half(0.0), cell::wide("")},
             Table::Emphasis::dim);
   document.add(table);
   return document;
@@ -115,7 +115,7 @@ TEST(Document, AsJsonHasTypesAndAllDigits) {
             "{\"unit\":\"SN\\\"2\\\"\",\"value, ug\":-1.5e-07,\"z\":1,\"why\":\"" +
                 std::string(150, 'w') +
                 "\"},\n"
-                "{\"unit\":\"SN3\",\"value, ug\":3,\"z\":\"given\",\"why\":\"\"}]]}]}\n");
+                "{\"unit\":\"SN3\",\"value, ug\":null,\"value, ug, at most\":3,\"z\":\"given\",\"why\":\"\"}]]}]}\n");
 }
 
 }  // namespace
