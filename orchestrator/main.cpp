@@ -15,9 +15,8 @@ namespace {
 
 // Opens closed descriptors 0 to 2 on /dev/null. Otherwise the next file opened would get one of them, and output would go into it.
 bool open_closed_descriptors() {
-  for (const int fd : {STDIN_FILENO, STDOUT_FILENO, STDERR_FILENO}) {
+  for (const int fd : {STDIN_FILENO, STDOUT_FILENO, STDERR_FILENO})
     if (::fcntl(fd, F_GETFD) == -1 && ::open("/dev/null", O_RDWR) != fd) return false;
-  }
   return true;
 }
 

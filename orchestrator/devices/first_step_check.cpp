@@ -278,11 +278,10 @@ Status FirstStepCheck::judge_units(double ratio) const {
 }
 
 Status FirstStepCheck::judge_rest(const SensorModel& model, const AxisTriple& angles_deg, double samples) {
-  if (2 * sums_.impossible_temperatures > sums_.samples) {
+  if (2 * sums_.impossible_temperatures > sums_.samples)
     return device_error(fmt::format(
         "the unit's temperature reads {} C: expected {} to {} (temperature.type, .zero, .scale of the frame)",
         format_number(sums_.temperature_c), format_number(least_temperature_c), format_number(most_temperature_c)));
-  }
   rest_gyro_ = sums_.gyro / samples;
   const Eigen::Vector3d force = model.accel_scale * sums_.accel / (samples * info_.sample_period_s);
   TRY(judge_force(force, angles_deg, info_.gravity_mps2, limits));

@@ -195,9 +195,8 @@ std::optional<std::array<double, 3>> GravityWatch::mean() const {
 
 std::string lock_path_of(const std::string& device) {
   std::string name = one_name_of(device);
-  for (char& c : name) {
+  for (char& c : name)
     if (std::isalnum(static_cast<unsigned char>(c)) == 0 && c != '.' && c != '-') c = '_';
-  }
   return lock_folder() + "/turncal-" + name + ".lock";
 }
 

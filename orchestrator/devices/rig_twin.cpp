@@ -195,9 +195,8 @@ Status RigTwin::run(const std::atomic<int>& stop_requests, const std::function<v
       status = pump(now_s);
     } else if (std::ranges::any_of(lines_, [](const auto& line) { return line->line->has_peer(); })) {
       started = true;
-      for (const auto& line : lines_) {
+      for (const auto& line : lines_)
         if (status) status = line->streamer->start(now_s);
-      }
     }
     ::poll(nullptr, 0, unit_pause_ms);
   }

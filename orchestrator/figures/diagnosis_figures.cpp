@@ -372,9 +372,8 @@ void mark_steps(const CompressedRecording& recording, Figure& figure) {
                        std::to_string(step));
   }
   if (marks.size() < 2) return;
-  for (Panel& panel : figure.panels) {
+  for (Panel& panel : figure.panels)
     if (panel.x_label.starts_with("time, ") || figure.stacked) panel.marks = marks;
-  }
   figure.caption += " Thin lines: where the steps of the sequence begin.";
 }
 

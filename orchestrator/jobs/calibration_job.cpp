@@ -218,11 +218,10 @@ Status rests_by_hand(const CompressedRecording& recording, const CalibrationRequ
     judged.base = TRY(fit_rests(data, EffectModel{}));
   const RestFit& fit = judged.base;
   if (!fit.converged) return Error{ErrorKind::unit_failed, "the calibration does not converge: " + fit.message};
-  if (!fit.undetermined.empty() && !request.partial) {
+  if (!fit.undetermined.empty() && !request.partial)
     return not_determined(
         fmt::format("these rests and rotations do not determine {}: expected more of them, about other axes",
                     fmt::join(fit.undetermined, " ")));
-  }
   const std::string unjudged = why_not_tested(data, fit);
   if (!unjudged.empty() && !request.partial)
     return not_determined("not tested: the data determine nothing to be judged: " + unjudged);

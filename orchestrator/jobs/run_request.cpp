@@ -359,10 +359,9 @@ RunRequest request_of(const JournalContents& journal) { return beginning_of(jour
 
 Result<RunRequest> request_again(const JournalContents& journal, const RunRequest& now) {
   RunRequest request = request_of(journal);
-  if (!now.units.empty() && now.units != request.units) {
+  if (!now.units.empty() && now.units != request.units)
     return input_error("--unit '{}': expected '{}', whose run this is", fmt::join(now.units, "', '"),
                        fmt::join(request.units, "', '"));
-  }
   for (std::string RunRequest::*file : {&RunRequest::station, &RunRequest::sequence, &RunRequest::rig})
     if (!(now.*file).empty()) request.*file = now.*file;
   if (request.overdue_reason.empty()) request.overdue_reason = now.overdue_reason;

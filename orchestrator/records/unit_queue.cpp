@@ -139,9 +139,8 @@ Status change_queue(const std::string& path, const QueueChange& change) {
     for (const std::string& unit : change.again) {
       TRY(check_known(path, "unit", unit, known));
       if (!find_outcome(outcomes, unit)) return input_error(path + ": unit '" + unit + "' has no outcome yet");
-      for (UnitOutcome& outcome : outcomes) {
+      for (UnitOutcome& outcome : outcomes)
         if (outcome.unit == unit) outcome = {unit, again_outcome, outcome.time_utc, ""};
-      }
     }
     TRY(write_outcomes(path, outcomes));
   }

@@ -116,10 +116,9 @@ Status read_chamber_keys(KeyValueFile& file, StationConfig& station) {
   if (chamber.settle_limit_s <= chamber.settle_s)
     file.reject(file.has("chamber.settle_limit_s") ? "chamber.settle_limit_s" : "chamber.settle_s",
                 "a settle_limit_s above settle_s");
-  if (chamber.temperature_c) {
+  if (chamber.temperature_c)
     if (const Status fits = check_temperature(chamber, *chamber.temperature_c); !fits)
       file.reject("chamber.temperature_c", fits.error().message);
-  }
   return {};
 }
 

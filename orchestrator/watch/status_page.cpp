@@ -112,9 +112,8 @@ void LiveStatus::end(const std::string& how, Tone tone, const std::vector<std::s
 LiveStatus::Headline LiveStatus::headline() const {
   const RunSnapshot& s = snapshot_;
   std::string gone;
-  for (const UnitSnapshot& unit : s.units) {
+  for (const UnitSnapshot& unit : s.units)
     if (!unit.dropped_out.empty()) gone += (gone.empty() ? "; dropped out: " : ", ") + unit.serial;
-  }
   if (!ended_.empty()) return {ended_ + gone, gone.empty() ? ended_as_ : std::max(ended_as_, Tone::attention)};
   const std::string step = "step " + std::to_string(s.step_place) + "/" + std::to_string(s.step_count) + ", ";
   Headline head{"Running: " + step + phase_words(s, run_.by_hand), gone.empty() ? Tone::good : Tone::attention};

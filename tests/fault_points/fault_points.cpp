@@ -97,9 +97,8 @@ bool is_journal(int fd) { return path_of(fd).find("journal.tcj") != std::string:
 Tracked* track(int fd) {
   struct stat facts;
   if (fstat(fd, &facts) != 0) return nullptr;
-  for (int i = 0; i < tracked_count; ++i) {
+  for (int i = 0; i < tracked_count; ++i)
     if (tracked[i].inode == facts.st_ino) return &tracked[i];
-  }
   if (tracked_count == 256) return nullptr;
   const int own = open(("/proc/self/fd/" + std::to_string(fd)).c_str(), O_WRONLY | O_CLOEXEC);
   tracked[tracked_count] = {facts.st_ino, facts.st_size, own};

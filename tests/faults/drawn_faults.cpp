@@ -78,9 +78,8 @@ std::string sequence_text(const Setting& setting) {
 std::string without_keys(const std::string& path, const std::vector<std::string>& keys) {
   std::istringstream file(file_text(path));
   std::string text, line;
-  while (std::getline(file, line)) {
+  while (std::getline(file, line))
     if (std::ranges::none_of(keys, [&](const std::string& key) { return line.starts_with(key); })) text += line + '\n';
-  }
   return text;
 }
 
@@ -223,10 +222,9 @@ class DrawnStation {
   std::vector<Stall> stalls;  // the machine had something else to do
   double longest_stall_s(double from_s, double to_s) const {
     double longest_s = 0.0;
-    for (const Stall& stall : stalls) {
+    for (const Stall& stall : stalls)
       if (stall.until_s >= from_s && stall.until_s - speed_up * stall.length_s <= to_s)
         longest_s = std::max(longest_s, stall.length_s);
-    }
     return longest_s;
   }
   struct Sent {
@@ -333,9 +331,8 @@ class DrawnStation {
       if (!encoder_.append(whole, bytes)) fail("a sample does not fit the frame");
       sent.push_back({whole, now_s()});
     }
-    for (std::byte& byte : bytes) {
+    for (std::byte& byte : bytes)
       if (damaged && unit_draw_.chance(0.03 * share)) byte ^= static_cast<std::byte>(1 << unit_draw_.pick(8));
-    }
     // Who does not read is waited for once.
     if (imu_line_.end() != nullptr) is_read_ = imu_line_.end()->write_all(bytes, is_read_ ? 0.5 : 0.0).ok();
   }
@@ -613,9 +610,8 @@ void judge_end(DrawnStation& station, const fs::path& out, const Outcome& outcom
 void judge_motion(const Setting& setting, DrawnStation& station, Verdict& verdict) {
   const std::lock_guard lock(station.mutex());
   TrueMotion& motion = station.table().motion;
-  for (auto& excess : motion.now) {
+  for (auto& excess : motion.now)
     if (excess) motion.over.push_back(*excess);
-  }
   const bool disturbed =
       std::ranges::any_of(setting.faults, [](const Fault& fault) { return fault.of == FaultClass::answers; });
   // A poll, what a busy machine takes, and of a line that does not answer three tries.

@@ -5,7 +5,6 @@
 
 #include "orchestrator/records/journal.h"
 #include "orchestrator/records/results_database.h"
-#include "orchestrator/report/verification_report.h"
 #include "tests/orchestrator/program.h"
 
 namespace turncal {

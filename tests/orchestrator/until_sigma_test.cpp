@@ -5,7 +5,6 @@
 #include "orchestrator/jobs/calibration_job.h"
 #include "orchestrator/jobs/design/sequence_design.h"
 #include "orchestrator/jobs/enough_watch.h"
-#include "orchestrator/jobs/preflight.h"
 #include "tests/orchestrator/program.h"
 #include "tests/rig_recorder.h"
 

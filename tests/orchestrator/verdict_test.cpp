@@ -4,7 +4,6 @@
 #include "orchestrator/jobs/run.h"
 #include "orchestrator/line/parameter_history.h"
 #include "orchestrator/records/journal.h"
-#include "orchestrator/records/parameter_store.h"
 #include "orchestrator/records/results_database.h"
 #include "orchestrator/station/number_text.h"
 #include "orchestrator/watch/progress.h"

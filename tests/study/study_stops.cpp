@@ -129,9 +129,8 @@ Latency one_run(std::uint64_t seed, bool real_time) {
   if (live && stop_s == 0.0) latency.stop_ms = 1e3 * ((abort_s > 0.0 ? abort_s : monotonic_s()) - asked_s);
   if (live && second_s > 0.0 && abort_s > 0.0) latency.second_ms = 1e3 * (abort_s - second_s);
   double ramp_s = 0.0;
-  for (const PlannedItem& item : s.plan().items) {
+  for (const PlannedItem& item : s.plan().items)
     if (item.kind == SequenceItem::Kind::move) ramp_s = std::max(ramp_s, item.rate_degps / item.acceleration_degps2);
-  }
   const double brake_s = (2.0 * ramp_s + s.station.motion.stall_s) / speed_up;
   if (live && deaf && !twice && stop_s > 0.0 && abort_s > 0.0)
     latency.escalation_ms = 1e3 * (abort_s - stop_s - brake_s);

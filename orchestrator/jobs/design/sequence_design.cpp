@@ -6,7 +6,6 @@
 #include <random>
 #include <set>
 
-#include "calib/model/limits.h"
 #include "calib/prediction/design_bound.h"
 #include "imu_io/base/text.h"
 #include "orchestrator/jobs/preflight.h"

@@ -112,9 +112,8 @@ TEST(RigConfig, TheDocumentListsTheDefaults) {
     if (line.rfind("```", 0) == 0) {
       inside = line == "```rig";
     } else if (inside && line.find('=') != std::string::npos) {
-      for (const char* axis : {"heading", "pitch", "roll"}) {
+      for (const char* axis : {"heading", "pitch", "roll"})
         for (const char* b : {"x", "y", "z"}) lines.insert(replace_all(replace_all(line, "AXIS", axis), "(B)", b));
-      }
     }
   }
   EXPECT_GT(lines.size(), 90u);
