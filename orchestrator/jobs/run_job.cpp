@@ -369,9 +369,9 @@ Status status_of(const Run& run) {
 AttemptRecord attempt_record(const Run& run, const RunUnit& unit) {
   AttemptRecord attempt;
   set_texts(facts_of(run, unit), fields_of(attempt));
-  if (!unit.folder.empty()) attempt.folder = std::filesystem::absolute(unit.folder).lexically_normal().string();
-  // The folder identifies the unit in a run of several.
-  if (!run.request.began_utc.empty()) attempt.run = run.request.began_utc + " " + attempt.folder;
+  const auto absolute = [](const auto& path) { return std::filesystem::absolute(path).lexically_normal().string(); };
+  if (!unit.folder.empty()) attempt.folder = absolute(unit.folder);
+  if (!run.request.began_utc.empty()) attempt.run = run.request.began_utc + " " + absolute(run.folder);
   attempt.unit = unit.serial;
   attempt.simulated = run.simulated();
   if (unit.output) {

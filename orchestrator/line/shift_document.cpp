@@ -365,7 +365,7 @@ Document shift_document(const ShiftReport& report) {
   document.add(Heading{2, "units", "Attempts, newest first"}, Scope::page);
   document.add(attempt_table(report.attempts, [](const AttemptRecord& a) { return unit_cell(a.unit, a.folder); }),
                Scope::page);
-  if (!report.calibrations.empty()) add_charts(report, document);
+  if (report.calibrations.size() > 1) add_charts(report, document);
   document.section("stations", "Stations compared");
   if (report.differences.empty()) {
     document.text(report.stations.size() < 2
@@ -511,7 +511,7 @@ Document unit_document(const UnitRecord& record) {
     runs.rows[k].cells.push_back(linked_to(attempts[attempts.size() - 1 - k], "certificate", "-"));
   runs.head.front() = text("");
   document.add(std::move(runs));
-  if (calibrations.empty()) return document;
+  if (calibrations.size() < 2) return document;  // there are no control limits
   const Document history = history_document(calibrations, "The parameters over time", record.link);
   document.blocks.insert(document.blocks.end(), history.blocks.begin(), history.blocks.end());
   return document;

@@ -58,9 +58,8 @@ std::vector<YieldOf> yields_by(const std::vector<AttemptRecord>& all, const std:
     ids[name].insert(attempt.id);
     YieldOf& part = parts[name];
     part.name = name;
-    if (!attempt.residual) continue;
-    part.mean_residual += *attempt.residual;
-    ++part.calibrated;
+    part.mean_residual += attempt.residual.value_or(0.0);
+    part.calibrated += attempt.residual.has_value();
   }
   std::vector<YieldOf> list;
   for (auto& [name, part] : parts) {
@@ -166,7 +165,8 @@ AttemptKind kind_of(const AttemptRecord& attempt) {
 
 double hours_of(const AttemptRecord& attempt) {
   const std::optional<double> began = parse_utc(attempt.began_utc), ended = parse_utc(attempt.time_utc);
-  return began && ended ? std::max(0.0, (*ended - *began) / 3600.0) : 0.0;
+  const auto units = double(std::max<std::int64_t>(1, attempt.units));  // none: refused before there was a run
+  return began && ended ? std::max(0.0, (*ended - *began) / 3600.0 / units) : 0.0;
 }
 
 std::string reason_class(const AttemptRecord& attempt) {
@@ -196,9 +196,8 @@ LineYield line_yield(const std::vector<AttemptRecord>& all, const std::set<std::
   std::map<std::string, LossReason> reasons;
   std::set<std::string> units;
   const auto close = [&line](const Visit& visit) {
-    if (!visit.counts) return;
-    ++line.final_pass.all;
-    if (visit.passed) ++line.final_pass.part;
+    line.final_pass.all += visit.counts;
+    line.final_pass.part += visit.counts && visit.passed;
   };
   std::size_t lost = 0;
   for (const AttemptRecord& attempt : all) {
@@ -222,18 +221,14 @@ LineYield line_yield(const std::vector<AttemptRecord>& all, const std::set<std::
       }
     }
     if (kind == AttemptKind::says_nothing) continue;
-    const auto found = open.find(attempt.unit);
-    const bool begins = found == open.end();
-    Visit& visit = begins ? open[attempt.unit] : found->second;
-    if (begins) visit.counts = reported;
+    const auto [found, begins] = open.try_emplace(attempt.unit, Visit{.counts = reported});
+    Visit& visit = found->second;
     visit.passed = kind == AttemptKind::passed;
-    if (begins && reported) {
-      ++line.first_pass.all;
-      if (visit.passed) ++line.first_pass.part;
-    }
+    line.first_pass.all += begins && reported;
+    line.first_pass.part += begins && reported && visit.passed;
     if (visit.passed) {
       close(visit);
-      open.erase(attempt.unit);
+      open.erase(found);
     }
   }
   for (const auto& [unit, visit] : open) close(visit);
@@ -258,18 +253,17 @@ Result<ShiftReport> shift_report(const ResultsDatabase& database, const std::str
                                  bool simulated) {
   TRY(check(filter));
   TRY(database.check_known(filter));
-  std::vector<AttemptRecord> all = TRY(database.attempts({})), chosen = TRY(database.attempts(filter));
-  std::vector<StoredCalibration> calibrations = TRY(database.list(filter, ""));
+  std::vector<AttemptRecord> all = TRY(database.attempts({}));
   ShiftReport report;
+  report.attempts = TRY(database.attempts(filter));
+  report.calibrations = TRY(database.list(filter, ""));
   report.source = words_of(name, filter);
   report.simulated = simulated;
   const auto of_the_other_kind = [simulated](const auto& row) { return row.simulated != simulated; };
   std::erase_if(all, of_the_other_kind);
-  report.of_the_other_kind = std::erase_if(chosen, of_the_other_kind);
-  std::erase_if(calibrations, of_the_other_kind);
-  report.damaged = std::erase_if(calibrations, [](const StoredCalibration& c) { return !c.defect.empty(); });
-  report.attempts = std::move(chosen);
-  report.calibrations = std::move(calibrations);
+  report.of_the_other_kind = std::erase_if(report.attempts, of_the_other_kind);
+  std::erase_if(report.calibrations, of_the_other_kind);
+  report.damaged = std::erase_if(report.calibrations, [](const StoredCalibration& c) { return !c.defect.empty(); });
   const auto whole = yields_by(all, report.attempts, [](const AttemptRecord&) { return std::string("all"); });
   if (!whole.empty()) report.whole = whole.front();
   report.stations = yields_by(all, report.attempts, [](const AttemptRecord& attempt) { return attempt.station; });

@@ -55,7 +55,7 @@ struct LineYield {
 
 enum class AttemptKind { passed, failed, says_nothing };  // what an attempt says of the unit
 AttemptKind kind_of(const AttemptRecord& attempt);
-double hours_of(const AttemptRecord& attempt);
+double hours_of(const AttemptRecord& attempt);  // on the table; those of a run are shared by its units
 // Returns the reason without the parts that differ from unit to unit: serial number and figures.
 std::string reason_class(const AttemptRecord& attempt);
 
@@ -117,16 +117,14 @@ struct YieldOf {
 struct ShiftReport {
   std::string source;  // database and filter, in words
   bool simulated = false;
-  std::size_t of_the_other_kind =
-      0;  // attempts left out: simulated ones of a report of real units, and the other way round
+  std::size_t of_the_other_kind = 0;    // attempts left out: simulated ones, or real ones in a simulated report
   std::vector<AttemptRecord> attempts;  // those reported, oldest first
   std::vector<StoredCalibration> calibrations;
   std::size_t damaged = 0;  // rows left out
   YieldOf whole;
   std::vector<YieldOf> stations;
-  std::vector<YieldOf>
-      periods;          // 2026-01-31; hours, 2026-01-31T06, of a single day; months, 2026-01, of more than 31 days
-  double target = 0.0;  // target of the first-pass yield; 0: none
+  std::vector<YieldOf> periods;         // by day; of a single day by hour, of more than 31 days by month
+  double target = 0.0;                  // target of the first-pass yield; 0: none
   std::vector<ChartedQuantity> charts;  // residual, temperature, hours, then the parameters
   std::vector<Repeatability> turn_on, month;
   std::vector<StationDifference> differences;

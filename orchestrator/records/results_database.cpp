@@ -190,7 +190,7 @@ Status expect_one_of(const std::string& option, const std::string& word, const s
 
 Fields with_id(AttemptRecord& attempt) {
   Fields fields = fields_of(attempt);
-  fields.push_back({"id", &attempt.id});
+  fields.insert(fields.end(), {{"id", &attempt.id}, {"units", &attempt.units}});
   return fields;
 }
 
@@ -369,7 +369,10 @@ Result<std::vector<AttemptRecord>> ResultsDatabase::attempts(const RecordFilter&
   std::vector<AttemptRecord> found;
   AttemptRecord named;
   TRY(connection_->run(
-      "SELECT " + column_list(with_id(named)) + " FROM attempt WHERE " + where("outcome") +
+      "SELECT " + column_list(with_id(named)) +
+          " FROM (SELECT *, (SELECT count(DISTINCT unit) FROM attempt_note AS same WHERE same.run = attempt.run AND "
+          "same.station = attempt.station) AS units FROM attempt) AS attempt WHERE " +
+          where("outcome") +
           (filter.newest > 0 ? " ORDER BY time_utc DESC, id DESC LIMIT " + std::to_string(filter.newest)
                              : " ORDER BY time_utc, id"),
       values_of(filter), [&](const SqlRow& row) { take_row(row, with_id(found.emplace_back())); }));

@@ -33,7 +33,8 @@ inline constexpr const char* outcome_running = "running";
 // the same attempt, and its newest row counts.
 struct AttemptRecord {
   std::int64_t id = 0;
-  std::string run;  // beginning and folder, unchanged by a resume; empty: refused before a run existed
+  std::string run;         // beginning and folder, also after a resume; empty: refused before a run existed
+  std::int64_t units = 1;  // of the run
   std::string unit, began_utc, time_utc;  // time: end of the attempt
   // A verdict (orchestrator/station/verdict.h), captured, dropped, refused, aborted, interrupted, failed (fault of the station), running.
   std::string outcome, reason;
@@ -103,8 +104,7 @@ DataTable calibrations_table(const std::vector<StoredCalibration>& all);
 
 class ResultsDatabase {
  public:
-  static Result<ResultsDatabase> open(const std::string& name,
-                                      const SqlPatience& patience = {});  // created when missing
+  static Result<ResultsDatabase> open(const std::string& name, const SqlPatience& patience = {});  // or makes it
   static Result<ResultsDatabase> open_to_read(const std::string& name, const SqlPatience& patience = {});
   // Checks that `add` could write to this file now. Nothing is made or changed.
   static Status check_writable(const std::string& path);

@@ -43,6 +43,8 @@ TEST(LineYield, FirstPassAndFinal) {
   EXPECT_EQ(y.final_pass.all, 4u);
   EXPECT_DOUBLE_EQ(y.hours, 12.0);
   EXPECT_DOUBLE_EQ(y.hours_lost, 4.5);
+  for (AttemptRecord& a : line.all) a.units = 3;
+  EXPECT_DOUBLE_EQ(line.yield().hours, 4.0) << "three units of a run share its time";
 }
 
 TEST(LineYield, KnowsWhatCameBeforeTheShift) {
@@ -118,6 +120,14 @@ StoredCalibration calibration(const std::string& unit, const std::string& statio
   c.time_utc = format_utc(86400.0 * day);
   c.values = {{"N01", n01, sigma, {}, "", {}, ""}};
   return c;
+}
+
+TEST(UnitPage, HasControlLimitsFromTwoCalibrationsOn) {
+  UnitRecord record{"A", {}, {}, [](const std::string&, const std::string&) { return std::string(); }};
+  for (const bool drawn : {false, true}) {
+    record.calibrations.push_back(calibration("A", "east", 1.0, 0.1, 0.01));
+    EXPECT_EQ(as_page(unit_document(record)).html.find("<svg") != std::string::npos, drawn);
+  }
 }
 
 // Units of their own bias; turn-on 0.01, calibration 0.004, and a walk of 0.03 in 30 days.
