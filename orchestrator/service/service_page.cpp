@@ -115,7 +115,9 @@ struct OpenPage : ServicePage {
       const Result<std::string> text = read_whole_file(*file, largest_report_bytes);
       return text ? std::optional(PageText{html, *text}) : std::nullopt;
     }
-    const std::string unit = plain.starts_with(unit_path) ? plain.substr(unit_path.size()) : "";
+    if (!path.starts_with(unit_path)) return {};
+    const bool asked = path.substr(unit_path.size()).starts_with("?");  // /unit/?SERIAL, since no path ends in unit ..
+    const std::string unit = plain.substr(unit_path.size() + (asked ? 1 : 0));
     if (!check_serial(unit, "unit")) return {};
     return PageText{html, as_page(unit_document(config, unit)).html};
   }

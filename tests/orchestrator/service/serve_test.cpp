@@ -286,6 +286,7 @@ TEST_F(Serve, WhoGuessesHoldsUpNobodyWhoIsKnown) {
 
 // An operator who was never let in before, while somebody guesses without a pause: the stop comes through, the rest waits.
 TEST_F(Serve, WhoGuessesKeepsNobodyFromStopping) {
+  EXPECT_EQ(get("/unit/?SN2"), page);
   write("queue", "SN1\n");
   Served s(station_, write_operators(std::string("ana:") + hash_of_secret + "\n"));
   for (int i = 0; i < 20; ++i) {
