@@ -168,12 +168,13 @@ Status run_turn(const BatchOptions& options, const RunPlan& asked, const Turn& t
       end.units.push_back({unit, turn.folder, "refused", end.status, end.status.error().message});
   }
   Status stops;
+  const std::string time_utc = format_utc(wall_utc_s());  // one for the run, by which its units are known
   for (const RunEnd::Unit& unit : end.units) {
     if (unit.outcome.empty()) {
       stops = Error{unit.status.error().kind, "unit " + unit.serial + ": " + unit.status.error().message};
       continue;
     }
-    TRY(record_outcome(options.queue, {unit.serial, unit.outcome, format_utc(wall_utc_s()), unit.reason}));
+    TRY(record_outcome(options.queue, {unit.serial, unit.outcome, time_utc, unit.reason}));
     context.out << tag << outcome_words(unit.serial, unit.outcome, unit.reason)
                 << (path_exists(unit.folder) ? "; " + unit.folder : "") << std::endl;
   }
@@ -183,19 +184,21 @@ Status run_turn(const BatchOptions& options, const RunPlan& asked, const Turn& t
 // Returns false when a unit was skipped, which changes the turn.
 Result<bool> mount_units(const BatchOptions& options, const StationConfig& station, const Turn& turn,
                          const std::string& tag, CommandContext& context) {
+  const auto last = newest_run(options.out);  // whose units stay on the table if it was paused or told to end
+  const Result<JournalContents> before = read_journal((last ? last->path : turn.folder) + "/" + journal_name);
+  const std::string warning = before ? before->table_warning() : "";
   const Result<JournalContents> journal = read_journal(turn.folder + "/" + journal_name);
   if (options.request.dry_run || (journal && is_over(*journal))) return true;  // nothing is left to measure
-  const std::string ended = journal ? value_of(journal->transition, "to") : "failed";
-  const auto last = newest_run(options.out);  // whose units stay on the table, unless it failed or was stopped
   const bool stays = !options.mount_again && last && std::filesystem::path(last->path) == turn.folder &&
-                     ended != "failed" && ended != "aborted";
+                     warning.empty() && (!journal->ended || journal->ended == RunState::interrupted);
   const std::vector<UnitOutcome> outcomes = TRY(read_outcomes(options.queue));
   const std::string waited_for = mounting_file(options.queue);
   for (const std::string& unit : turn.units) {
-    HookCall call{"mount", unit, turn.folder, ""};
-    if (stays && !find_outcome(outcomes, unit)) call.message = "it is still on the table: its run was interrupted";
+    HookCall call{"mount", unit, turn.folder, warning};
+    const bool there = stays && !find_outcome(outcomes, unit);
+    if (there) call.message = "it is still on the table: its run was interrupted";
     TRY(write_file_atomically(waited_for, unit + "\n" + call.message));
-    const Result<Mounted> mounted = mount_unit(station, call, context.quiet ? -1 : STDIN_FILENO, context.out, tag);
+    const auto mounted = mount_unit(station, call, there, context.quiet ? -1 : STDIN_FILENO, context.out, tag);
     ::unlink(waited_for.c_str());
     if (!mounted) return mounted.error();
     if (!mounted->skipped) continue;

@@ -112,10 +112,11 @@ void call_operator(const HookCommands& hooks, HookCall call, const Error& why, s
   if (const Status status = run_hook(hooks, call); !status) out << tag << status.error().message << std::endl;
 }
 
-Result<Mounted> mount_unit(const StationConfig& station, const HookCall& call, int input, std::ostream& out,
+Result<Mounted> mount_unit(const StationConfig& station, const HookCall& call, bool stays, int input, std::ostream& out,
                            const std::string& tag) {
   const StopSignals signals(FirstInterrupt::pauses);
   const std::string head = tag + "unit " + call.unit + ": ";
+  if (!stays && !call.message.empty()) out << head << call.message << std::endl;
   std::string why = "nobody to ask: expected a terminal, or hook.mount in the station file";
   if (!station.hooks.mount.empty()) {
     out << head << "mounting" << std::endl;
@@ -123,7 +124,7 @@ Result<Mounted> mount_unit(const StationConfig& station, const HookCall& call, i
     if (mounted) return Mounted{};
     why = mounted.error().message;
   } else if (::isatty(input) == 1) {
-    if (call.message.empty()) return ask(OperatorTexts::of(station.table.manual.language), call.unit, input, out, tag);
+    if (!stays) return ask(OperatorTexts::of(station.table.manual.language), call.unit, input, out, tag);
     out << head << call.message << " (--mount-again asks for it)" << std::endl;
     return Mounted{};
   }

@@ -58,9 +58,9 @@ struct Mounted {
   std::optional<std::string> skipped;  // the reason
 };
 
-// call: `mount` of the unit; it stays on the table where the message says so. `input`: file descriptor of the answers. A request to stop
+// call: `mount` of the unit. stays: it is on the table still, as the message says. `input`: file descriptor of the answers. A request to stop
 // (stop_signals.h) ends the wait.
-Result<Mounted> mount_unit(const StationConfig& station, const HookCall& call, int input, std::ostream& out,
+Result<Mounted> mount_unit(const StationConfig& station, const HookCall& call, bool stays, int input, std::ostream& out,
                            const std::string& tag);
 // hook.needs_operator of the same unit; why it cannot be called is printed.
 void call_operator(const HookCommands& hooks, HookCall call, const Error& why, std::ostream& out,

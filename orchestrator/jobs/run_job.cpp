@@ -553,6 +553,7 @@ RunEnd resume_run(const std::string& folder, const RunRequest& now, CommandConte
       JournalType::resume,
       {{"software_version", software_version()}, {"what", what}, {"overdue_reason", run.request.overdue_reason}}));
   run.say("resumed by turncal " + std::string(software_version()) + ": " + what);
+  if (const std::string warning = contents.table_warning(); !warning.empty()) context.warn(warning);
   TRY(note_running(run, utc_s));
   limit.reset();
   send_on(run);

@@ -268,6 +268,12 @@ std::vector<std::string> JournalContents::units() const {
   return units;
 }
 
+std::string JournalContents::table_warning() const {
+  if (!table_unknown || begin_value("manual") == "true") return "";
+  return "go to the table before anything else: its state is unknown, it may still move and its drives may be on; "
+         "press its emergency stop, find out why the run did not leave it at rest (run.log), and only then go on";
+}
+
 Result<JournalContents> read_journal(const std::string& path) {
   JournalContents contents;
   std::size_t commands_kept = 0;
@@ -314,16 +320,17 @@ Result<JournalContents> read_journal(const std::string& path) {
       case JournalType::estimate: contents.estimate = fields_of(fields); break;  // follows from the samples
       case JournalType::transition: {
         contents.transition = fields_of(fields);
-        const std::string &from = value_of(contents.transition, "from"),
-                          &event = value_of(contents.transition, "event");
-        const bool stops = from == to_string(RunState::stopping) || from == to_string(RunState::parking);
-        contents.pause_asked |= event == to_string(RunEvent::pause_wanted);
-        if (value_of(contents.transition, "to") == to_string(RunState::failed)) {
+        const std::string& event = value_of(contents.transition, "event");
+        const auto from = enum_from<RunState>(value_of(contents.transition, "from")),
+                   to = enum_from<RunState>(value_of(contents.transition, "to"));
+        const auto moves = [](auto in) { return in && (live_states.contains(*in) || in == RunState::stopping); };
+        contents.ended = to && is_final(*to) ? to : std::nullopt;
+        contents.pause_asked =
+            event == to_string(RunEvent::pause_wanted) || (contents.pause_asked && to != RunState::stopping);
+        contents.table_unknown =
+            event != to_string(RunEvent::stopped_verified) && (contents.table_unknown || moves(from) || moves(to));
+        if (to == RunState::failed)
           contents.failed.push_back({fields.number("utc_s"), contents.last_dwell ? contents.last_dwell->utc_s : 0.0});
-          contents.stop_unverified |= stops && event == to_string(RunEvent::deadline);
-        } else if (from == to_string(RunState::connecting)) {
-          contents.stop_unverified = false;
-        }
         break;
       }
       case JournalType::results: contents.results.push_back(fields_of(fields)); break;

@@ -98,12 +98,13 @@ struct JournalContents {
   std::vector<Settling> settled;                 // in order
   std::vector<JournalFields> results, verdicts;  // one for each unit, in order
   JournalFields transition, estimate;            // the newest
+  std::optional<RunState> ended;                 // empty: it goes on, or its program ended without a final state
   struct Failed {
     double utc_s, last_dwell_utc_s;  // 0: no dwell was complete
   };
-  std::vector<Failed> failed;    // each fault that ended a session
-  bool pause_asked = false;      // since the last begin or resume
-  bool stop_unverified = false;  // and the table was not reached afterwards
+  std::vector<Failed> failed;  // each fault that ended a session
+  bool pause_asked = false;    // since the last begin or resume, and nothing else has stopped the run
+  bool table_unknown = false;  // drives went on since it was last seen at rest with its drives off
   struct DroppedUnit : Dropout {
     bool after_last_dwell = true;  // discarded with what came after the dwell, unless the recordings are sealed
   };
@@ -113,6 +114,8 @@ struct JournalContents {
   // Returns a unit's newest record among `results` or `verdicts`; null: none yet.
   const JournalFields* newest(const std::vector<JournalFields>& records, const std::string& unit) const;
 
+  // Returns what to do first when the run's program has ended and the table is unknown; empty: it is known.
+  std::string table_warning() const;
   const std::string& begin_value(std::string_view key) const { return value_of(begin, key); }  // "" when missing
 };
 

@@ -149,8 +149,7 @@ struct OpenPage : ServicePage {
     welcome.insert(who);
     const std::string station = unescaped_value(wanted->text("station"));
     if (Status status = wanted->check_all_used(); !status) return said(400, status.error().message);
-    const auto at =
-        std::ranges::find_if(config.stations, [&station](const ServedStation& one) { return one.name == station; });
+    const auto at = std::ranges::find(config.stations, station, &ServedStation::name);
     if (at == config.stations.end()) return said(404, "no such station");
     const Result<std::string> done = act(*at, action, *name, now_utc_s());
     look(false);
@@ -236,7 +235,8 @@ std::vector<Event> events_in(const std::vector<StationView>& stations, const std
       events.push_back({{event, "", v.folder, message, "", v.simulated}, v.name, ""});
     };
     if (v.state == StationState::unreadable) stands("unreadable", v.headline);
-    if (v.state == StationState::stopped && v.tone == Tone::bad) stands("stopped", v.headline);
+    if (v.state == StationState::stopped && v.tone == Tone::bad)
+      stands("stopped", v.headline + (v.table_warning.empty() ? "" : "; " + v.table_warning));
     if (v.silent_s) stands("silent", v.headline + ": nothing written for " + clock_time(*v.silent_s));
   }
   if (!results || !results->until_utc.empty() || !least_yield) return events;

@@ -65,17 +65,13 @@ std::vector<StationResults> results_by_station(const std::vector<AttemptRecord>&
 
 Result<ResultsView> newest_results(const std::string& database, double now_utc_s) {
   const ResultsDatabase open = TRY(ResultsDatabase::open_to_read(database, patience));
-  std::vector<AttemptRecord> attempts = TRY(open.attempts({.from = format_utc(now_utc_s - looked_back_s)}));
   ResultsView view;
-  if (attempts.empty()) {
-    const std::vector<AttemptRecord> last = TRY(open.attempts({.newest = 1}));
-    const std::optional<double> end = last.empty() ? std::nullopt : parse_utc(last.front().time_utc);
-    if (end) {
-      view.until_utc = last.front().time_utc;
-      attempts = TRY(open.attempts({.from = format_utc(*end - looked_back_s), .to = view.until_utc}));
-    }
-  }
-  view.stations = results_by_station(attempts);
+  const std::vector<AttemptRecord> last = TRY(open.attempts({.newest = 1}));
+  const double end_s = last.empty() ? now_utc_s : parse_utc(last.front().time_utc).value_or(now_utc_s);
+  const bool past = end_s < now_utc_s - looked_back_s;
+  if (past) view.until_utc = last.front().time_utc;
+  view.stations = results_by_station(
+      TRY(open.attempts({.from = format_utc((past ? end_s : now_utc_s) - looked_back_s), .to = view.until_utc})));
   return view;
 }
 
@@ -88,15 +84,17 @@ ResultsView look_at_results(const std::string& database, double now_utc_s) {
 
 std::string json_of(const ResultsView& view) {
   std::vector<std::string> stations;
-  for (StationResults s : view.stations)
-    stations.push_back(json_of(Fields{{"station", &s.station},
-                                      {"simulated", &s.simulated},
-                                      {"attempts", &s.attempts},
-                                      {"judged", &s.judged},
-                                      {"passed", &s.passed},
-                                      {"last_unit", &s.last_unit},
-                                      {"last_outcome", &s.last_outcome},
-                                      {"last_time_utc", &s.last_time_utc}}));
+  for (StationResults s : view.stations) {
+    const Fields fields = {{"station", &s.station},
+                           {"simulated", &s.simulated},
+                           {"attempts", &s.attempts},
+                           {"judged", &s.judged},
+                           {"passed", &s.passed},
+                           {"last_unit", &s.last_unit},
+                           {"last_outcome", &s.last_outcome},
+                           {"last_time_utc", &s.last_time_utc}};
+    stations.push_back(json_of(fields));
+  }
   JsonObject o;
   o.text("defect", view.defect);
   o.text("until_utc", view.until_utc);
@@ -108,23 +106,26 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr std::size_t shown = 12;         // outcomes, and waiting units
-constexpr std::size_t looked_at = 20;     // intervals between outcomes
-constexpr double longest_unit_s = 86400;  // a longer interval is a weekend
+constexpr std::size_t shown = 12;        // outcomes, and waiting units
+constexpr std::size_t looked_at = 20;    // intervals between runs
+constexpr double longest_run_s = 86400;  // a longer interval is a weekend
 constexpr double clock_off_s = 60.0;
 constexpr double silent_after_s = 600.0;
 
-// Returns the median interval between the last outcomes: the time for a unit, mounting included.
-std::optional<double> interval_of(const std::vector<UnitOutcome>& outcomes) {
-  std::vector<double> times, intervals;
-  for (const UnitOutcome& outcome : outcomes)
-    if (const auto time = parse_utc(outcome.time_utc); time && standing_of(&outcome) != Standing::waits)
-      times.push_back(*time);
-  std::ranges::sort(times);
-  for (std::size_t i = times.size() > looked_at ? times.size() - looked_at : 1; i < times.size(); ++i)
-    if (times[i] - times[i - 1] < longest_unit_s) intervals.push_back(times[i] - times[i - 1]);
-  if (intervals.size() < 2) return {};
-  return median(intervals);
+// Sets the time for a unit, mounting included: the median interval between the last runs, shared by their units, which have one time.
+void show_pace(const std::vector<UnitOutcome>& outcomes, StationView& view) {
+  std::vector<std::pair<double, std::size_t>> runs;  // end, units
+  for (const UnitOutcome& outcome : outcomes) {
+    if (standing_of(&outcome) == Standing::waits) continue;
+    const double end_s = parse_utc(outcome.time_utc).value_or(0.0);
+    if (runs.empty() || runs.back().first != end_s) runs.emplace_back(end_s, 0);
+    view.at_once = ++runs.back().second;
+  }
+  std::vector<double> each_s;
+  for (std::size_t i = runs.size() > looked_at ? runs.size() - looked_at : 1; i < runs.size(); ++i)
+    if (const double run_s = runs[i].first - runs[i - 1].first; run_s > 0.0 && run_s < longest_run_s)
+      each_s.push_back(run_s / double(runs[i].second));
+  if (each_s.size() >= 2) view.unit_s = median(each_s);
 }
 
 // Returns the unit that the batch wants mounted, and what it says of it; empty: it waits for none.
@@ -158,11 +159,8 @@ void show_queue(const std::vector<std::string>& queue, const std::vector<UnitOut
                                   (outcome->reason.empty() ? "" : ": " + outcome->reason));
   }
   if (looks > shown) view.for_a_person.push_back("and " + counted(looks - shown, "more unit"));
-  view.outcomes = outcomes;
-  std::ranges::stable_sort(view.outcomes,
-                           [](const UnitOutcome& a, const UnitOutcome& b) { return a.time_utc > b.time_utc; });
-  if (view.outcomes.size() > shown) view.outcomes.resize(shown);
-  view.unit_s = interval_of(outcomes);
+  view.outcomes.assign(outcomes.rbegin(), outcomes.rbegin() + std::ptrdiff_t(std::min(outcomes.size(), shown)));
+  show_pace(outcomes, view);
 }
 
 // Returns the time since anything of the run was written: journal, log, samples.
@@ -179,13 +177,13 @@ double silence_of(const std::string& folder, double now_utc_s) {
 }
 
 // Returns "dwelling" and its detail in words.
-std::string words_of(const JournalFields& transition) {
+std::string words_of(const JournalContents& journal) {
+  const JournalFields& transition = journal.transition;
   const std::string& state = value_of(transition, "to");
   const std::string& detail = value_of(transition, "detail");
   const std::string step = value_of(transition, "step");
   std::string words = step.empty() || step == "0" ? "" : "step " + step + ": ";
-  const std::optional<RunState> to = enum_from<RunState>(state);
-  if (to && is_final(*to) && !detail.empty()) return detail;  // as on the terminal, with the step
+  if (journal.ended && !detail.empty()) return detail;  // as on the terminal, with the step
   if (state == "moving") return words + (detail.empty() ? "moving" : detail);
   if (state == "dwelling") return words + "at rest" + (detail.empty() ? "" : " (" + detail + ")");
   return words + state_words(state) + (detail.empty() ? "" : ": " + detail);
@@ -194,7 +192,7 @@ std::string words_of(const JournalFields& transition) {
 void show_run(const JournalContents& journal, double now_utc_s, StationView& view) {
   view.units = journal.units();
   view.began_utc = journal.begin_value("began_utc");
-  view.phase = words_of(journal.transition);
+  view.phase = words_of(journal);
   const std::optional<double> planned_s = parse_number<double>(journal.begin_value("planned_s"));
   const std::optional<double> time_s = parse_number<double>(value_of(journal.transition, "time_s"));
   const std::optional<double> utc_s = parse_number<double>(value_of(journal.transition, "utc_s"));
@@ -256,8 +254,10 @@ StationView look_at(const ServedStation& station, double now_utc_s) {
   }
   // A unit removed from the queue is not resumed.
   const auto waits = [&view](const std::string& unit) { return holds(view.waiting, unit); };
-  const std::vector<std::string> begun = journal ? journal->units() : std::vector<std::string>();
-  const bool left = journal && !run->process && !is_over(*journal) && std::ranges::any_of(begun, waits);
+  const bool left = journal && !run->process && !is_over(*journal) && std::ranges::any_of(journal->units(), waits);
+  if (journal && !run->process) view.table_warning = journal->table_warning();
+  const bool stands = left || !view.table_warning.empty();
+  const bool paused = left && journal->pause_asked && journal->ended == RunState::interrupted;
   view.process = run && run->process ? run->process : batch;
   view.simulated = journal && journal->begin_value("simulated") == "true";
   const std::vector<std::string> to_mount = unit_to_mount(station.queue);
@@ -267,14 +267,13 @@ StationView look_at(const ServedStation& station, double now_utc_s) {
   } else if (batch) {
     view.state = to_mount.empty() ? StationState::results : StationState::mounting;
   } else {
-    view.state = left || !view.waiting.empty() ? StationState::stopped : StationState::idle;
+    view.state = stands || !view.waiting.empty() ? StationState::stopped : StationState::idle;
   }
-  if (journal && (view.folder == run->path || left)) {
+  if (journal && (view.folder == run->path || stands)) {
     view.folder = run->path;
     show_run(*journal, now_utc_s, view);
   }
 
-  const bool failed = journal && value_of(journal->transition, "to") == to_string(RunState::failed);
   const std::string of_units =
       view.units.empty() ? "" : (view.units.size() > 1 ? "units " : "unit ") + join(view.units);
   switch (view.state) {
@@ -290,15 +289,14 @@ StationView look_at(const ServedStation& station, double now_utc_s) {
       view.urgent("mount unit " + join(to_mount, ": "));
       break;
     case StationState::stopped:
-      view.headline = left && journal->pause_asked ? of_units + " is paused: " + view.phase
-                      : left                       ? of_units + " was left unfinished: " + view.phase
-                             : fmt::format("no batch is running; units in the queue: {}", view.waiting.size());
-      view.urgent((left && failed ? view.phase + ": put it right, then " : "") +
-                  (left ? "start the batch again: it continues with " + of_units : "start the batch"));
-      if (left && journal->stop_unverified)
-        view.urgent(
-            "go to the table before anything else: it may still move and its drives may be on; press its emergency "
-            "stop, find out why it could not be stopped (run.log), and only then start the batch");
+      view.headline = paused   ? of_units + " is paused: " + view.phase
+                      : stands ? of_units + " was left unfinished" +
+                                     (journal->ended ? ": " : " by a program that ended: ") + view.phase
+                               : fmt::format("no batch is running; units in the queue: {}", view.waiting.size());
+      if (left || !view.waiting.empty())
+        view.urgent((left && journal->ended == RunState::failed ? view.phase + ": put it right, then " : "") +
+                    (left ? "start the batch again: it continues with " + of_units : "start the batch"));
+      if (!view.table_warning.empty()) view.urgent(view.table_warning);
       break;
     case StationState::idle:
       view.headline = "the queue is done";
@@ -311,14 +309,13 @@ StationView look_at(const ServedStation& station, double now_utc_s) {
   if (view.process && is_suspended(*view.process))
     view.urgent("process " + std::to_string(*view.process) +
                 " is suspended (SIGSTOP): it neither runs nor receives a stop");
-  const bool paused = view.state == StationState::stopped && left && journal->pause_asked;
   view.tone = view.state == StationState::stopped && !paused ? Tone::bad
               : view.for_a_person.empty()                    ? Tone::good
                                                              : Tone::attention;
   if (view.process && view.unit_s && !view.simulated) {  // a dry run has its own clock
-    const double this_end_s =
-        view.run_end_utc_s.value_or(now_utc_s + (view.state == StationState::mounting ? *view.unit_s : 0.0));
-    view.queue_end_utc_s = this_end_s + *view.unit_s * double(view.waiting.size());
+    const std::size_t to_come = view.waiting.size() + (view.state == StationState::mounting ? 1 : 0);
+    const std::size_t at_once = std::max(view.at_once, view.units.size()), runs = (to_come + at_once - 1) / at_once;
+    view.queue_end_utc_s = view.run_end_utc_s.value_or(now_utc_s) + *view.unit_s * double(runs * at_once);
   }
   return view;
 }
@@ -439,7 +436,7 @@ Result<UnitRecord> record_of(const ServiceConfig& config, const std::string& uni
     const Result<JournalContents> journal = read_journal(attempt.folder + "/" + journal_name);
     if (!journal) continue;
     attempt.outcome = to_string(RunState::interrupted);  // whoever worked on it could not say so
-    attempt.reason = words_of(journal->transition);
+    attempt.reason = words_of(*journal);
   }
   return record;
 }

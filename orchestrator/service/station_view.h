@@ -82,6 +82,7 @@ struct StationView {
   std::vector<std::string> units;  // in the run, or to be mounted
   std::string folder;              // of the run
   std::string runs;                // where the station's runs are
+  std::string table_warning;       // nobody saw the table at rest with its drives off
   bool simulated = false;
   bool pausing = false;                  // a pause of the run was requested
   std::optional<pid_t> process;          // process of the run, or of the queue
@@ -93,9 +94,10 @@ struct StationView {
   std::vector<std::string> waiting;       // units to come, in order
   std::vector<std::string> for_a_person;  // tasks for somebody, the most urgent first
   void urgent(std::string words) { for_a_person.insert(for_a_person.begin(), std::move(words)); }
-  std::vector<UnitOutcome> outcomes;  // the newest first
+  std::vector<UnitOutcome> outcomes;  // the last one recorded first
   std::size_t done = 0, passed = 0;   // in the queue
-  std::optional<double> unit_s;       // from one unit's end to the next one's
+  std::optional<double> unit_s;       // from one run's end to the next one's, for each of its units
+  std::size_t at_once = 1;            // units of a run
   std::optional<double> silent_s;     // time for which an active run has written nothing: 10 min or more
 };
 

@@ -110,12 +110,13 @@ TEST_F(Mounting, OperatorMountsSkipsOrQuits) {
 
 // Its run left it on the table: asked for after a fault, on demand, and where it is to be done again.
 TEST_F(Mounting, AUnitThatStaysOnTheTableIsNotAskedFor) {
-  const auto ends_as = [this](const char* to, const std::string& unit = "SN1") {
+  const auto ends_as = [this](const char* to, const std::string& unit = "SN1", const char* event = "stopped_verified") {
     const std::string file = path("units/" + unit + "/journal.tcj");
     fs::create_directories(folder_ / "units" / unit);
     fs::remove(file);
     Result<JournalFile> journal = JournalFile::create(file, {{"unit", unit}});
-    EXPECT_TRUE(journal && journal->append(JournalType::transition, {{"utc_s", "1"}, {"from", "moving"}, {"to", to}}));
+    EXPECT_TRUE(journal && journal->append(JournalType::transition,
+                                           {{"utc_s", "1"}, {"from", "stopping"}, {"event", event}, {"to", to}}));
   };
   ends_as("interrupted");
   const std::string stays = "it is still on the table: its run was interrupted";
@@ -130,6 +131,8 @@ TEST_F(Mounting, AUnitThatStaysOnTheTableIsNotAskedFor) {
   EXPECT_SAYS(typed("quit\n").out, "unit SN2: " + stays);  // the newest goes on first
   ends_as("failed");
   EXPECT_EQ(typed("quit\n").code, 75) << "after a fault";
+  ends_as("moving", "SN2", "move_next");
+  EXPECT_SAYS(typed("quit\n").out, "unit SN2: go to the table before anything else") << "after a crash";
 }
 
 Status command(const char* words, double time_s, const char* input) {

@@ -52,10 +52,9 @@ class GroupResume : public Group {
       const bool begun = there("out/journal.tcj");
       taken_up += begun ? 1 : 0;
       ends(begun ? std::vector<std::string>{"resume", "out"} : begin("out", rig), code);
-      for (const std::string unit : {"SN1", "SN2", "SN3"}) {
+      for (const std::string unit : {"SN1", "SN2", "SN3"})
         for (const std::string name : {"recording.tcr", "truth.conf"})
           ASSERT_TRUE(bytes("out/" + unit + "/" + name) == bytes("good/" + unit + "/" + name)) << unit << " " << name;
-      }
     }
     EXPECT_GT(taken_up, 20);
   }
@@ -80,6 +79,7 @@ TEST_F(GroupBatch, SurvivesKills) {
   write("queue", "SN1\nSN2\nSN3\nSN4\nSN5\n");
   kill_until_done(batch(), 50'000, 61'000);
   EXPECT_EQ(outcomes(), "SN1=not_judged SN2=not_judged SN3=not_judged SN4=not_judged SN5=not_judged ");
+  EXPECT_EQ(good(read_outcomes(path("queue")))->at(2).time_utc, good(read_outcomes(path("queue")))->at(3).time_utc);
   EXPECT_FALSE(there("units/group.3")) << "an interrupted group was not gone on with";
   for (const char* name : {"group.1/SN1", "group.1/SN2", "group.2/SN3", "group.2/SN4", "SN5"})
     EXPECT_TRUE(there(std::string("units/") + name + "/parameters.conf")) << name;

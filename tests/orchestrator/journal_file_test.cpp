@@ -61,15 +61,22 @@ TEST_F(Journal, IsReadBackAsWritten) {
   EXPECT_EQ(std::count(text->begin(), text->end(), '\n'), 9);
 }
 
-// Whoever takes the run up again without reaching the table does not take the warning back.
-TEST_F(Journal, AnUnverifiedStopStaysUntilTheTableIsReached) {
+// Whoever takes the run up again without reaching the table does not take the warning back. A pause is what nothing else has stopped.
+TEST_F(Journal, TheTableIsUnknownUntilAStopIsVerified) {
   write_some();
   using enum RunState;
-  for (const auto& [from, event, to] : {std::tuple(stopping, RunEvent::deadline, failed),
-                                        {connecting, RunEvent::connect_failed, failed},
-                                        {connecting, RunEvent::connected, homing}}) {
+  using enum RunEvent;
+  for (const auto& [from, event, to, unknown, pause] : {std::tuple(idle, start, connecting, false, false),
+                                                        {dwelling, pause_wanted, dwelling, true, true},
+                                                        {dwelling, end_wanted, stopping, true, false},
+                                                        {stopping, deadline, failed, true, false},
+                                                        {connecting, connect_failed, failed, true, false},
+                                                        {selecting, pause_wanted, stopping, true, true},
+                                                        {stopping, stopped_verified, interrupted, false, true}}) {
     EXPECT_TRUE(good(JournalFile::reopen(path()))->transition({{}, from, event, to, RunAction::none, false, ""}));
-    EXPECT_EQ(good(read_journal(path()))->stop_unverified, to == failed);
+    const Result<JournalContents> contents = good(read_journal(path()));
+    EXPECT_EQ(contents->table_warning().empty(), !unknown) << to_string(event);
+    EXPECT_EQ(contents->pause_asked, pause) << to_string(event);
   }
 }
 

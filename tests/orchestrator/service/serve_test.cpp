@@ -96,6 +96,14 @@ TEST_F(Serve, SaysWhatTheQueueIsAt) {
   EXPECT_EQ(*view.unit_s, 7800.0);     // of 7200 and 7800 s
   EXPECT_FALSE(view.queue_end_utc_s);  // nobody works on it
 
+  // Units of a run have one time, and the last one recorded comes first, whatever a clock said.
+  write("queue.state",
+        "pass 2027-01-01T00:00:00Z SN9\npass 2026-01-01T00:00:00Z SN1\npass 2026-01-01T00:00:00Z SN3\n"
+        "pass 2026-01-01T02:00:00Z SN5\npass 2026-01-01T02:00:00Z SN6\npass 2026-01-01T04:00:00Z SN8\n"
+        "pass 2026-01-01T04:00:00Z SN7\n");
+  EXPECT_EQ(look().unit_s, 3600.0) << "two hours for two";
+  EXPECT_EQ(look().outcomes.front().unit, "SN7");
+
   write("queue", "SN1\nSN3\n");
   EXPECT_EQ(look().state, StationState::idle);
   EXPECT_EQ(look().tone, Tone::good);
@@ -136,6 +144,21 @@ TEST_F(Serve, FollowsABatchAndPausesIt) {
   EXPECT_EQ(file_text(path("queue.actions")), "2026-01-02T00:00:00Z ana pause\n");
 }
 
+TEST_F(Serve, AProgramThatEndedLeavesATableOfWhichNothingIsKnown) {
+  write("queue", "SN1\n");
+  const pid_t batch = start_batch("30");
+  look_until([](const StationView& now) { return now.phase.find(" deg at ") != std::string::npos; }, 5);
+  ::kill(batch, SIGKILL);
+  finish(batch);
+  const StationView view = look();
+  EXPECT_SAYS(view.headline, "unit SN1 was left unfinished by a program that ended: ");
+  EXPECT_SAYS(view.for_a_person.front(), "go to the table before anything else: its state is unknown");
+  write("queue", "");
+  EXPECT_EQ(look().for_a_person, std::vector<std::string>{view.for_a_person.front()}) << "a removed unit is there, too";
+  EXPECT_SAYS(run({"resume", "runs/SN1"}).err, view.for_a_person.front());
+  EXPECT_EQ(look().table_warning, "");
+}
+
 TEST_F(Serve, SaysWhatStoppedAUnit) {
   for (const std::string kind : {"emergency_stop", "imu_unplugged", "link_lost"}) {
     write("queue", kind + "\n");
@@ -149,6 +172,9 @@ TEST_F(Serve, SaysWhatStoppedAUnit) {
 
 TEST_F(Serve, TellsABatchThatItsUnitIsMounted) {
   write("queue", "SN.1\n");
+  write("queue.state",
+        "pass 2026-01-01T00:00:00Z A\npass 2026-01-01T02:00:00Z B\npass 2026-01-01T02:00:00Z C\n"
+        "pass 2026-01-01T04:00:00Z D\npass 2026-01-01T04:00:00Z E\n");
   write("mounted", "SN.1\n");  // of a time before: nobody has said so now
   write("live.station",
         live_station("station.name = live\ntable.address = 127.0.0.1:1\nhook.mount = rm -f " + path("mounted") +
@@ -158,6 +184,7 @@ TEST_F(Serve, TellsABatchThatItsUnitIsMounted) {
   look_until([this](const StationView&) { return !std::filesystem::exists(path("mounted")); });
   EXPECT_EQ(view.headline, "waiting for unit SN.1 to be mounted");
   EXPECT_EQ(view.for_a_person.front(), "mount unit SN.1");
+  EXPECT_EQ(format_utc(view.queue_end_utc_s.value_or(0.0)), "2026-01-02T02:00:00Z") << "runs of two take it";
   EXPECT_EQ(view.tone, Tone::attention);
   EXPECT_FALSE(act(station_, {"mounted", "SN2"}, "ana", 0.0));  // not that one
   // Whatever becomes of the queue, the page shows the unit that is waited for.
@@ -259,6 +286,7 @@ TEST_F(Serve, LeadsToTheReportOfAUnit) {
   const std::string page = get("/unit/SN2");
   EXPECT_SAYS(page, "<b>Fail:</b> gyro x bias (N01) 0.0634 deg/h");
   EXPECT_SAYS(page, "<a href=\"/report/1/SN2/report.html\">report</a>");
+  EXPECT_EQ(get("/unit/?SN2"), page);
   EXPECT_SAYS(get("/unit/SN%2F1"), "No run of this unit is on record.");
   EXPECT_EQ(get("/report/1/SN2/report.html"), "the report");
   EXPECT_EQ(get("/report/1/SN2/certificate.html"), "the certificate");
@@ -286,7 +314,6 @@ TEST_F(Serve, WhoGuessesHoldsUpNobodyWhoIsKnown) {
 
 // An operator who was never let in before, while somebody guesses without a pause: the stop comes through, the rest waits.
 TEST_F(Serve, WhoGuessesKeepsNobodyFromStopping) {
-  EXPECT_EQ(get("/unit/?SN2"), page);
   write("queue", "SN1\n");
   Served s(station_, write_operators(std::string("ana:") + hash_of_secret + "\n"));
   for (int i = 0; i < 20; ++i) {
@@ -366,7 +393,8 @@ TEST_F(Serve, TellsOfAnEventOnceAtMost) {
   EXPECT_SAYS(looked(), "nothing written for");
   view.silent_s.reset();
   view.state = StationState::stopped;
-  EXPECT_SAYS(looked(), "stopped");
+  view.table_warning = "go to the table";
+  EXPECT_SAYS(looked(), "fault: drive; go to the table");
   view.tone = Tone::attention;  // paused
   ResultsView results;
   results.stations.emplace_back().station = "east";
