@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 #include <fmt/format.h>
 
@@ -24,6 +25,7 @@ bool is_glitch(const DataEvent& e) {
   return (e.kind == DataEvent::Kind::gyro_glitch || e.kind == DataEvent::Kind::accel_glitch) && !e.left_out;
 }
 
+constexpr std::int64_t most_run = std::numeric_limits<std::int64_t>::max();
 constexpr double circle_deg = 360.0;
 constexpr double least_s = 20.0;
 // Part of a turn that two gyros must measure to excuse the third: the turn's axis is then within 25 deg of their plane.
@@ -205,6 +207,64 @@ void ChannelLife::turned(double angle_deg) {
   }
   for (Channel& channel : channels_) channel.sum = 0.0;
   told_ = last_;
+}
+
+StuckChannels::StuckChannels(double sample_period_s) : sample_period_s_(sample_period_s) {}
+
+void StuckChannels::add(const ImuSample& sample, bool at_rest, std::vector<ImuSample>& known) {
+  constexpr double fewest = 100.0, noisy = 0.05, due = 20.0, second_s = 1.0, beyond_step = 1.5;
+  const auto enough_of = [&](const Channel& channel) {  // samples
+    if (channel.seen < fewest || channel.larger < noisy * channel.seen) return most_run;
+    return std::int64_t(std::ceil(std::max(second_s / sample_period_s_, due * channel.seen / channel.larger)));
+  };
+  held_.push_back(sample);
+  last_ = sample.counter;
+  std::int64_t longest = at_rest ? 1 : 0;
+  bool stuck = false;
+  for (std::size_t i = 0; i < 6; ++i) {
+    Channel& channel = channels_[i];
+    const double value = channel_of(sample, i);
+    if (!at_rest || channel.run == 0 || value != channel.value) {
+      const double change = std::abs(value - channel.value);
+      if (at_rest && channel.run > 0) {
+        channel.step = std::min(channel.step, change);
+        channel.larger += change > beyond_step * channel.step ? 1.0 : 0.0;
+        channel.seen += double(std::min(channel.run, enough_of(channel)));
+      }
+      channel.value = value;
+      channel.run = at_rest ? 1 : 0;
+      continue;
+    }
+    const std::int64_t enough = enough_of(channel);
+    if (++channel.run < enough) {
+      if (enough < most_run) longest = std::max(longest, channel.run);
+      continue;
+    }
+    stuck = true;
+    if (channel.run == enough)
+      runs_.push_back({DataEvent::Kind::invalid, sample.counter - enough + 1, enough - 1, int(i), value});
+    ++std::ranges::find(runs_.rbegin(), runs_.rend(), int(i), &DataEvent::axis)->count;
+  }
+  for (ImuSample& one : held_) one.flags |= stuck ? sample_flag_invalid : 0;
+  const auto keep = stuck ? 0 : std::min(longest, std::ssize(held_));
+  known.insert(known.end(), held_.begin(), held_.end() - keep);
+  held_.erase(held_.begin(), held_.end() - keep);
+}
+
+void StuckChannels::finish(std::vector<ImuSample>& known) {
+  known.insert(known.end(), held_.begin(), held_.end());
+  held_.clear();
+}
+
+std::vector<std::string> StuckChannels::found(bool to_the_end) const {
+  std::vector<std::string> lines;
+  for (const DataEvent& run : runs_)
+    if (!to_the_end || run.sample + run.count > last_)
+      lines.push_back(
+          fmt::format("{} is stuck: it gave one value, {:.6g}, in {} samples at rest from sample {} ({:.3f} s) on",
+                      channel_names[std::size_t(run.axis)], run.size, run.count, run.sample,
+                      double(run.sample) * sample_period_s_));
+  return lines;
 }
 
 std::string ChannelLife::without_change() const {

@@ -141,4 +141,30 @@ class ChannelLife {
   std::string defect_;
 };
 
+// Finds channels that stick at rest, and marks those samples as invalid. A channel that shows noise (one change in twenty samples is larger than
+// its step) gives one value for a second, and while twenty such changes are due: by chance less than once in 1e8. What another channel
+// measures meanwhile goes with it. Samples come out late, by as many as may yet be found stuck.
+// Not found: a coarse channel, which repeats itself at rest anyway; what sticks for a shorter time, or while the unit turns.
+class StuckChannels {
+ public:
+  explicit StuckChannels(double sample_period_s);
+  // Appends to `known` the samples of which more is not to be expected, in order.
+  void add(const ImuSample& sample, bool at_rest, std::vector<ImuSample>& known);
+  void finish(std::vector<ImuSample>& known);
+  // A line for each time; of all, or of those that lasted to the last sample.
+  std::vector<std::string> found(bool to_the_end = false) const;
+
+ private:
+  struct Channel {
+    double value = 0.0, step = 1e300;  // step: smallest change
+    std::int64_t run = 0;              // samples with this value, in the present rest
+    double seen = 0.0, larger = 0.0;   // samples at rest; changes larger than the step
+  };
+  double sample_period_s_;
+  std::array<Channel, 6> channels_{};
+  std::vector<ImuSample> held_;
+  std::vector<DataEvent> runs_;  // axis: the channel; size: its value
+  std::int64_t last_ = 0;        // counter
+};
+
 }  // namespace turncal

@@ -25,8 +25,8 @@ constexpr std::string_view by_nothing = "no command takes it";
 
 // In the order of FileKind.
 constexpr KindRow kind_rows[] = {
-    {FileKind::recording, "a recording of turncal", "turncal calibrate, diagnose, apply, navigate and export take it",
-     "\x89TCR"},
+    {FileKind::recording, "a recording of turncal",
+     "turncal calibrate, diagnose, apply, allan, navigate and export take it", "\x89TCR"},
     {FileKind::recording_part, "a part of a recording", "turncal calibrate, diagnose, apply and export take its folder",
      "", "format", "gyro_increment"},
     {FileKind::journal, "the journal of a run", "turncal journal and resume take its folder", "\x89TCJ"},

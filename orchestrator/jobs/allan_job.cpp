@@ -10,6 +10,7 @@
 #include "calib/statistics/data_screen.h"
 #include "calib/statistics/numerics.h"
 #include "calib/statistics/unit_slip.h"
+#include "imu_io/base/file_kind.h"
 #include "imu_io/recordings/csv_map_import.h"
 #include "imu_io/recordings/parameter_file.h"
 #include "orchestrator/jobs/navigation/calibrated_intervals.h"
@@ -69,8 +70,10 @@ class RestReader {
   RestReader(const RecordingInfo& info, Segments segments, std::string path)
       : info_(info),
         segments_(std::move(segments)),
+        rest_(segments_),
         path_(std::move(path)),
         maker_(info.sample_period_s),
+        stuck_(info.sample_period_s),
         spikes_(info),
         glitches_(info, GlitchLimits::at_rest(info)) {
     const SensorModel model = sensor_model(start_parameters(info), info);
@@ -80,19 +83,18 @@ class RestReader {
   }
 
   Status add(std::span<const ImuSample> samples) {
-    for (const ImuSample& sample : samples) {
-      if (!segments_.empty() && !TRY(at_rest(sample.counter))) continue;
-      if (sample.flags != 0 || !channels_of(sample).allFinite() || spikes_.spike_in(sample))
-        ++left_out_;
-      else if (begin_.push_back(sample); begun_ || begin_.size() == known_from)
-        TRY(screen());
-    }
-    return {};
+    known_.clear();
+    for (const ImuSample& sample : samples) stuck_.add(sample, rest_.at(sample.counter), known_);
+    return add_known();
   }
 
   Result<ReadRests> take() {
+    known_.clear();
+    stuck_.finish(known_);
+    TRY(add_known());
     TRY(end_rest());
     ReadRests found;
+    found.notes = stuck_.found();
     found.cells = maker_.take(si_);
     if (info_.gyro_increment == IncrementKind::pulses) found.pulse.head<3>() = si_.head<3>();
     if (info_.accel_increment == IncrementKind::pulses) found.pulse.tail<3>() = si_.tail<3>();
@@ -119,6 +121,17 @@ class RestReader {
  private:
   static constexpr std::size_t known_after = 6;   // samples after which a glitch is recognised
   static constexpr std::size_t known_from = 128;  // samples from which the usual scatter is known
+
+  Status add_known() {
+    for (const ImuSample& sample : known_) {
+      if (!segments_.empty() && !TRY(at_rest(sample.counter))) continue;
+      if (sample.flags != 0 || !channels_of(sample).allFinite() || spikes_.spike_in(sample))
+        ++left_out_;
+      else if (begin_.push_back(sample); begun_ || begin_.size() == known_from)
+        TRY(screen());
+    }
+    return {};
+  }
 
   Status screen() {
     if (!std::exchange(begun_, true) && !begin_.empty()) glitches_.begin_rest(begin_);
@@ -193,8 +206,11 @@ class RestReader {
 
   const RecordingInfo info_;
   const Segments segments_;
+  RestOf rest_;
   const std::string path_;
   RestCellMaker maker_;
+  StuckChannels stuck_;
+  std::vector<ImuSample> known_;  // of which channels stick
   SpikeFinder spikes_;
   GlitchFinder glitches_;
   std::vector<DataEvent> found_;
@@ -220,7 +236,10 @@ Result<ReadRests> read_rests(RecordingSource& source, const std::string& name) {
 }
 
 Result<ReadRests> read_rests(const std::string& path, const std::string& map_file) {
-  if (map_file.empty()) return read_rests(*TRY(RecordingSource::open(path)), path);
+  const FileKind kind = recognise_file(path);
+  if (map_file.empty() && is_table(kind))
+    return input_error(path + ": a table of numbers: expected --map with its columns, or a recording (turncal import)");
+  if (map_file.empty() || kind == FileKind::recording) return read_rests(*TRY(RecordingSource::open(path)), path);
   CsvMap map = TRY(read_csv_map(map_file));
   // At rest a reading is the same over a longer interval, so jitter of the stamps does not matter.
   map.increments = CsvMap::Increments::period;

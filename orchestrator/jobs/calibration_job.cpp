@@ -120,6 +120,7 @@ Status check_same_unit(Recordings some, Recordings further = {}) {
 void note_data(const LoadedRecording& recording, std::vector<std::string>& notes) {
   if (const std::string damage = describe(recording.damage); !damage.empty()) notes.push_back(damage);
   if (!recording.segmented.empty()) notes.push_back(recording.segmented);
+  notes.insert(notes.end(), recording.stuck.begin(), recording.stuck.end());
   std::map<DataEvent::Kind, std::int64_t> counts;
   for (const DataEvent& event : recording.data.events)
     if (event.axis != set_aside_axis) counts[event.kind] += event.count;
@@ -420,12 +421,17 @@ Result<LoadedRecording> load_recording(RecordingSource& source, const std::funct
     return input_error(source.path() + ": nothing was recorded before step " + std::to_string(before_step));
   SegmentedFeed feed(compressor, segments);
   TableLife life(source.info(), segments);
+  StuckChannels stuck(source.info().sample_period_s);
+  RestOf rest(segments);
+  std::vector<ImuSample> known;  // of which channels stick
   std::int64_t count = 0;
   TRY(source.read_to_use([&](std::span<const ImuSample> samples) {
     while (before_step > 0 && !samples.empty() && samples.back().counter >= segments.back().end_sample)
       samples = samples.first(samples.size() - 1);
     if (samples.empty()) return Status{};
-    feed.add(samples);
+    known.clear();
+    for (const ImuSample& sample : samples) stuck.add(sample, rest.at(sample.counter), known);
+    feed.add(known);
     life.add(samples);
     if (clipping)
       for (const ImuSample& sample : samples) clipping->add(sample);
@@ -433,10 +439,15 @@ Result<LoadedRecording> load_recording(RecordingSource& source, const std::funct
     if (progress) progress(count);
     return Status{};
   }));
+  known.clear();
+  stuck.finish(known);
+  feed.add(known);
   feed.finish();
   loaded.data = compressor.take();
   if (clipping) clipping->note(loaded.data.events);
+  loaded.stuck = stuck.found();
   loaded.dead_channel = life.finish();
+  if (loaded.dead_channel.empty()) loaded.dead_channel = fmt::format("{}", fmt::join(stuck.found(true), "; "));
   loaded.hash = TRY(source.content_hash());  // a by-product of read()
   return loaded;
 }

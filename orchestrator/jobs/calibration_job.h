@@ -31,11 +31,12 @@ struct LoadedRecording {
   std::string path;
   CompressedRecording data;
   RecordingDamage damage;
-  std::string hash;          // of the contents (RecordingSource::content_hash)
-  double recorded_s = 0.0;   // of all its segments
-  bool by_hand = false;      // no table angles
-  std::string dead_channel;  // data_screen.h
-  std::string segmented;     // how it was segmented; empty: it came with its own segments
+  std::string hash;                // of the contents (RecordingSource::content_hash)
+  double recorded_s = 0.0;         // of all its segments
+  bool by_hand = false;            // no table angles
+  std::string dead_channel;        // data_screen.h
+  std::vector<std::string> stuck;  // channels that stick at rest, a line each
+  std::string segmented;           // how it was segmented; empty: it came with its own segments
 };
 
 // Finds the rests of data without a table (segmentation.h); an error when there are none.

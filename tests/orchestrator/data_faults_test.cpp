@@ -134,6 +134,38 @@ TEST(DataFaults, AChannelThatDoesNotLiveIsNamed) {
   EXPECT_EQ(Changed(recorded()).loaded.dead_channel, "");
 }
 
+// At rest; gyro z counts a pulse now and then, and repeats itself for long.
+TEST(DataFaults, WhatSticksAtRestIsMarked) {
+  constexpr int samples = 20000, turn = 500;
+  for (const auto& [from, to] : {std::pair{1000, samples}, {10000, samples}, {10000, 10250}, {10000, 10150}, {0, 0}}) {
+    std::mt19937_64 random(22);
+    std::normal_distribution<double> noise;
+    StuckChannels stuck(0.005);
+    std::vector<ImuSample> known;
+    ImuSample sample;
+    for (int k = 0; k < samples; ++k) {
+      sample.counter = 7 + k;
+      for (std::size_t i = 0; i < 6; ++i)
+        if (i != 1 || k <= from || k >= to) channel_of(sample, i) = 1e-4 * noise(random);
+      sample.gyro[2] = k % 6000 < 100 ? double(k % 2) : 0.0;
+      stuck.add(sample, k >= turn, known);
+    }
+    stuck.finish(known);
+    ASSERT_EQ(known.size(), std::size_t(samples));
+    const bool long_enough = to - from >= 200;
+    for (int k = 0; k < samples; ++k) {
+      ASSERT_EQ(known[std::size_t(k)].counter, 7 + k);
+      ASSERT_EQ(known[std::size_t(k)].flags, long_enough && k >= from && k < to ? sample_flag_invalid : 0) << k;
+    }
+    EXPECT_EQ(stuck.found().size(), long_enough ? 1u : 0u);
+    EXPECT_EQ(stuck.found(true).size(), long_enough && to == samples ? 1u : 0u);
+    if (!long_enough) continue;
+    EXPECT_SAYS(stuck.found()[0],
+                fmt::format("gyro y is stuck: it gave one value, {:.6g}, in {} samples at rest from sample {} (",
+                            known[std::size_t(from)].gyro[1], to - from, from + 7));
+  }
+}
+
 TEST(DataFaults, ARecordingOfFlaggedSamplesAloneIsRefused) {
   Recorded r = recorded();
   for (ImuSample& sample : r.samples) sample.flags |= sample_flag_invalid;

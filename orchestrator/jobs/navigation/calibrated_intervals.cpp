@@ -68,32 +68,6 @@ Status take(const ParameterFile& file, const std::string& file_name, const std::
 
 constexpr std::int64_t no_end = std::numeric_limits<std::int64_t>::max();
 
-// Tells whether the unit rests during a sample; call at() in counter order.
-class RestOf {
- public:
-  explicit RestOf(const Segments& segments) : segments_(segments) {}
-  bool at(std::int64_t counter) {
-    if (segments_.empty()) return true;
-    while (index_ < segments_.size() && counter >= segments_[index_].end_sample) ++index_;
-    return index_ < segments_.size() && counter >= segments_[index_].start_sample &&
-           segments_[index_].kind != SegmentKind::rotate;
-  }
-  // Counts the samples of [begin, end) in motion; begin must not be before the last sample of at().
-  std::int64_t moving_in(std::int64_t begin, std::int64_t end) const {
-    if (segments_.empty()) return 0;
-    std::int64_t resting = 0;
-    for (std::size_t k = index_; k < segments_.size() && segments_[k].start_sample < end; ++k)
-      if (segments_[k].kind != SegmentKind::rotate)
-        resting += std::max<std::int64_t>(
-            0, std::min(end, segments_[k].end_sample) - std::max(begin, segments_[k].start_sample));
-    return end - begin - resting;
-  }
-
- private:
-  const Segments& segments_;
-  std::size_t index_ = 0;
-};
-
 // Finds the samples that a calibration would reject. Hands and vehicles jerk, so for them only physically impossible samples count.
 class FaultySamples {
  public:
@@ -292,6 +266,19 @@ SampleCalibration::Increments SampleCalibration::of(const ImuSample& sample, dou
               period_s * (model.gyro_bias_radps + effect.rate_radps),
           model.accel_scale * Eigen::Vector3d::Map(sample.accel.data()) -
               period_s * (model.accel_bias_mps2 + effect.force_mps2)};
+}
+
+std::string describe(const TemperatureCourse& course) {
+  std::string words = fmt::format("parameters at the temperature of each sample, {:.2f} to {:.2f} C", course.lowest_c,
+                                  course.highest_c);
+  if (course.leaves_range())
+    words += fmt::format("; OUTSIDE THE RANGE of {:.2f} to {:.2f} C as at its nearer end", course.polynomials.low_c,
+                         course.polynomials.high_c);
+  return words;
+}
+
+std::string distrust_of(const ParameterFile& file, const std::string& path) {
+  return is_trusted(file) ? "" : path + ": not trusted: " + why_not_trusted(file);
 }
 
 Result<SampleCalibration> SampleCalibration::make(const ParameterFile& file, const std::string& path,

@@ -6,6 +6,7 @@
 // first sample of the recording at hand.
 #pragma once
 
+#include <algorithm>
 #include <cstdint>
 #include <limits>
 #include <optional>
@@ -99,6 +100,11 @@ struct TemperatureCourse {
   bool leaves_range() const { return lowest_c < polynomials.low_c || highest_c > polynomials.high_c; }
 };
 
+// "parameters at the temperature of each sample, 11.00 to 27.50 C", and whether that leaves their range.
+std::string describe(const TemperatureCourse& course);
+// "FILE: not trusted: WHY"; empty: it is trusted.
+std::string distrust_of(const ParameterFile& file, const std::string& path);
+
 // A parameter file prepared for the samples of a recording.
 struct SampleCalibration {
   SensorModel model;
@@ -125,6 +131,32 @@ struct CalibratedIntervals {
 
 // Call it before any sample is read.
 Result<CalibratedIntervals> calibrated_intervals(ParameterFile file, const std::string& path, RecordingSource& source);
+
+// Tells whether the unit rests during a sample; call at() in counter order.
+class RestOf {
+ public:
+  explicit RestOf(const Segments& segments) : segments_(segments) {}
+  bool at(std::int64_t counter) {
+    if (segments_.empty()) return true;
+    while (index_ < segments_.size() && counter >= segments_[index_].end_sample) ++index_;
+    return index_ < segments_.size() && counter >= segments_[index_].start_sample &&
+           segments_[index_].kind != SegmentKind::rotate;
+  }
+  // Counts the samples of [begin, end) in motion; begin must not be before the last sample of at().
+  std::int64_t moving_in(std::int64_t begin, std::int64_t end) const {
+    if (segments_.empty()) return 0;
+    std::int64_t resting = 0;
+    for (std::size_t k = index_; k < segments_.size() && segments_[k].start_sample < end; ++k)
+      if (segments_[k].kind != SegmentKind::rotate)
+        resting += std::max<std::int64_t>(
+            0, std::min(end, segments_[k].end_sample) - std::max(begin, segments_[k].start_sample));
+    return end - begin - resting;
+  }
+
+ private:
+  const Segments& segments_;
+  std::size_t index_ = 0;
+};
 
 struct Stretch {  // seconds from the first sample
   double from_s = 0.0;
