@@ -250,6 +250,7 @@ Result<std::string> format_parameter_file(const ParameterFile& file) {
 
 Status write_parameter_file(const ParameterFile& file, const std::string& path) {
   const std::string text = TRY(format_parameter_file(file));
+  TRY(check_replaceable(path, title.substr(0, title.find(':'))));
   return write_file_atomically(path, text);
 }
 

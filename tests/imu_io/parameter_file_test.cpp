@@ -140,6 +140,16 @@ TEST(ParameterFile, WhatCannotBeWrittenIsRefusedBeforeTheFileIsTouched) {
   }
 }
 
+TEST(ParameterFile, ReplacesOnlyItsOwnKind) {
+  TemporaryFolder folder;
+  const std::string path = folder / "p.conf";
+  write_file(path, "TCREC recording");
+  EXPECT_ERROR(write_parameter_file(make_file(), path),
+               path + ": is a file of another kind, and is not replaced: expected another name");
+  write_file(path, formatted(make_file()));
+  EXPECT_OK(write_parameter_file(make_file(), path));
+}
+
 // What a calibration left open is read for the record, not for use.
 TEST(ParameterFile, UndeterminedParametersAreNotForUse) {
   ParameterFile file = make_file();
