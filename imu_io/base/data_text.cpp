@@ -66,6 +66,10 @@ DataCell DataCell::of_word(std::string_view word) {
   return cell;
 }
 
+DataCell DataCell::of_item(std::string_view key, std::string_view word) {
+  return key.ends_with("serial") || key.ends_with("hash") ? DataCell(word) : of_word(word);
+}
+
 std::string DataTable::csv() const {
   std::string text = fmt::format("{}\n", fmt::join(columns_, ","));
   for (const std::vector<DataCell>& row : rows_)

@@ -50,6 +50,8 @@ struct DataCell {
   }
   // Makes a number or a flag of a word that reads as one, nothing of an empty word, else a text.
   static DataCell of_word(std::string_view word);
+  // The same of `key = word`; a serial and a hash are texts, whatever their digits.
+  static DataCell of_item(std::string_view key, std::string_view word);
 
   std::string csv, json = "null";
 };

@@ -411,7 +411,8 @@ std::string key_values_as(std::string_view format, std::string_view lines) {
     const std::string_view line = next_line(lines);
     const std::size_t equals = line.find('=');
     if (line.starts_with('#') || equals == std::string_view::npos) continue;
-    table.row({trimmed(line.substr(0, equals)), DataCell::of_word(trimmed(line.substr(equals + 1)))});
+    const std::string_view key = trimmed(line.substr(0, equals));
+    table.row({key, DataCell::of_item(key, trimmed(line.substr(equals + 1)))});
   }
   return format == "json" ? table.json_object() : table.csv();
 }
