@@ -135,16 +135,16 @@ class Collector {
   bool skips_bad() const { return skip_bad_; }
   // Returns an error, or counts the damage if it is to be skipped.
   Status damaged(const std::string& what) {
-    Error error = input_error(path_ + ": " + what);
+    if (!skip_bad_ && !stamps_.empty())
+      return input_error("{}: {}; {} came before: --skip-bad-rows takes what is whole", path_, what,
+                         counted(std::ssize(stamps_), "message"));
+    const Error error = input_error(path_ + ": " + what);
     if (!skip_bad_) return error;
     if (result_.bad++ == 0) result_.first_bad = error.message;
     return {};
   }
   Status damaged_at(std::uint64_t byte, const std::string& what) {
-    const std::string way_out = skip_bad_ || stamps_.empty() ? ""
-                                                             : "; " + counted(std::ssize(stamps_), "message") +
-                                                                   " came before: --skip-bad-rows takes what is whole";
-    return damaged(fmt::format("byte {}: {}{}", byte, what, way_out));
+    return damaged(fmt::format("byte {}: {}", byte, what));
   }
 
   Result<BagImu> finish() {
