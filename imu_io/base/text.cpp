@@ -106,6 +106,16 @@ std::string_view next_line(std::string_view& text, bool* had_end) {
   return line;
 }
 
+std::string ascii_units(std::string_view text) {
+  constexpr std::pair<std::string_view, std::string_view> signs[] = {{"°", "deg"},  {"º", "deg"}, {"⁻¹", "^-1"},
+                                                                     {"⁻²", "^-2"}, {"²", "^2"},  {"·", "."},
+                                                                     {"⋅", "."},    {"µ", "u"},   {"μ", "u"}};
+  std::string plain(text);
+  for (const auto& [sign, ascii] : signs)
+    for (std::size_t at = 0; (at = plain.find(sign, at)) != plain.npos;) plain.replace(at, sign.size(), ascii);
+  return plain;
+}
+
 std::optional<double> device_number(std::string_view text, bool decimal_comma) {
   text = trimmed(text);
   if (text.starts_with('+') && text.size() > 1 && text[1] != '-') text.remove_prefix(1);

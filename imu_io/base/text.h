@@ -96,6 +96,9 @@ std::string shell_path(std::string_view path);
 // Removes the next line from the front and returns it without its LF or CRLF. had_end: the line had an end.
 std::string_view next_line(std::string_view& text, bool* had_end = nullptr);
 
+// Returns a text with the signs of units in ASCII: "(°/s)" is "(deg/s)", "m·s⁻²" "m.s^-2", "µs" "us".
+std::string ascii_units(std::string_view text);
+
 // Parses a number as devices and people write it: blanks around it, a leading + and the exponent letter D are allowed.
 // decimal_comma: 1,5 is a number, too.
 std::optional<double> device_number(std::string_view text, bool decimal_comma = false);

@@ -55,7 +55,7 @@ void read_clocks(KeyValueFile& file, CsvMap& map) {
   if (!columns.empty() && units.size() != columns.size())
     return file.reject("time.unit", "a unit for each column of time.column");
   for (const std::string& column : columns) {
-    const std::string& unit = units[map.clocks.size()];
+    const std::string unit = ascii_units(units[map.clocks.size()]);
     const auto known = unit_seconds.find(unit);
     const double unit_s = known == unit_seconds.end() ? parse_number(unit).value_or(0.0) : known->second;
     if (!(unit_s > 0.0)) file.reject("time.unit", "a number of seconds, " + one_of(unit, {"s", "ms", "us", "ns"}));
@@ -99,6 +99,10 @@ Result<CsvMap> read_map(KeyValueFile& file) {
 }
 
 // ---- the table ----
+
+constexpr double most_back = 5.0;  // usual intervals that a stamp may go back
+constexpr const char* after_the_one_before =
+    "a time after that of the row before; where a counter begins anew, continue it";
 
 // A row, as it is in the file.
 struct Row {
@@ -157,6 +161,7 @@ class Importer {
   Result<CsvImport> run(const ImportBegin& begin, const RecordingSource::Sink& sink) {
     sink_ = sink;
     RecordingInfo& info = result_.info;
+    result_.note = source_.note;
     info.latitude_deg = map_.latitude_deg;
     info.gravity_mps2 = map_.gravity_mps2;
     info.unit_serial = map_.unit_serial;
@@ -166,6 +171,7 @@ class Importer {
     TRY(scan());
     TRY(mark_rows());
     TRY(leave_out_doubles());
+    TRY(leave_out_ahead());
     choose();
     TRY(order_rows());
     std::vector<Mark>().swap(marks_);
@@ -339,6 +345,42 @@ class Importer {
     return {};
   }
 
+  // Rows whose time is ahead, where twice as many rows go on from the time before them as there are.
+  Status leave_out_ahead() {
+    if (std::ranges::is_sorted(times_)) return {};
+    const double far = most_back * usual_step();
+    std::vector<std::size_t> kept;
+    std::vector<Fate> fates(rows_);
+    for (std::size_t k = 0; k < rows_;) {
+      const auto ahead =
+          std::ranges::upper_bound(kept, times_[k] + far, {}, [&](std::size_t row) { return times_[row]; });
+      const auto enough = k + 2 * std::size_t(kept.end() - ahead);
+      std::size_t behind = k;
+      while (ahead != kept.end() && behind < rows_ && behind <= enough && times_[behind] + far < times_[*ahead])
+        ++behind;
+      if (behind > k && (ahead == kept.begin() || behind <= enough)) {
+        k = behind;
+        continue;
+      }
+      for (auto row = ahead; row != kept.end(); ++row) fates[*row] = Fate::left_out;
+      kept.erase(ahead, kept.end());
+      if (kept.empty() || times_[k] >= times_[kept.back()]) kept.push_back(k);
+      ++k;
+    }
+    const auto first = std::ranges::find(fates, Fate::left_out);
+    if (first == fates.end()) return {};
+    TRY(leave_out(std::ranges::count(fates, Fate::left_out),
+                  wrong_time(std::size_t(first - fates.begin()), "a time before those of the rows after it")));
+    sieve(fates);
+    return {};
+  }
+
+  double usual_step() const {
+    std::vector<double> steps = intervals_of(times_);
+    for (double& step : steps) step = std::abs(step);
+    return median(steps);
+  }
+
   // The reading of the rows that are kept so far.
   StampModel& stamps() {
     if (!stamps_) stamps_ = fit_stamps(times_, map_.gap);
@@ -359,10 +401,8 @@ class Importer {
     if (!timed() || rows_ < 2 ||
         (measured() ? std::ranges::is_sorted(times_, std::less_equal()) : std::ranges::is_sorted(times_)))
       return {};
-    constexpr double widest = 12.0, most = 5.0;
-    std::vector<double> steps = intervals_of(times_);
-    for (double& step : steps) step = std::abs(step);
-    const double usual = median(steps);
+    constexpr double widest = 12.0;
+    const double usual = usual_step();
     double back = 0.0;
     if (!measured()) {  // a delayed row leaves its place empty; one out of place does not
       std::vector<double> sorted = times_;
@@ -372,8 +412,8 @@ class Importer {
         const auto is_uneven = [usual](double interval) { return std::abs(interval - usual) > 0.25 * usual; };
         return std::ranges::count_if(intervals_of(times, times.size()), is_uneven);
       };
-      back = uneven(sorted) < uneven(times_) ? std::clamp(widest * stamps().scatter - 1.0, 0.0, most) * usual
-                                             : most * usual;
+      back = uneven(sorted) < uneven(times_) ? std::clamp(widest * stamps().scatter - 1.0, 0.0, most_back) * usual
+                                             : most_back * usual;
     }
     std::vector<std::size_t> kept{0};
     std::vector<Fate> fates(rows_);
@@ -392,18 +432,25 @@ class Importer {
       fates[k] = is_other ? Fate::lost : Fate::left_out;
       if (out++ == 0) first = k;
     }
-    if (out > 0) TRY(leave_out(out, goes_back(source_, marks_[first].line, map_.clocks[0].column, times_[first])));
+    constexpr std::size_t fewest = 10;
+    if (const std::size_t stay = rows_ - 1 - kept.back(); stay >= fewest)
+      return wrong_time(kept.back() + 1,
+                        "a time that goes on: all rows from here are behind; where a counter begins "
+                        "anew, continue it");
+    if (out > 0) TRY(leave_out(out, wrong_time(first, after_the_one_before)));
     sieve(fates);
     return {};
   }
 
   // Reports the time in the unit of the first clock.
-  Error goes_back(const ColumnSource& source, std::int64_t line, const std::string& column, double time_s) const {
+  Error wrong_time(const ColumnSource& source, std::int64_t line, const std::string& column, double time_s,
+                   const char* expected) const {
     for (std::size_t k = 1; k < map_.clocks.size(); ++k) time_s += first_stamp_[k] * map_.clocks[k].unit_s;
-    return input_error(
-        "{}:{}: column {} = '{}': expected a time after that of the row before; where a counter begins anew, continue "
-        "it",
-        source.file_name, line, quoted(column), format_number(first_stamp_[0] + time_s / map_.clocks[0].unit_s));
+    return input_error("{}:{}: column {} = '{}': expected {}", source.file_name, line, quoted(column),
+                       format_number(first_stamp_[0] + time_s / map_.clocks[0].unit_s), expected);
+  }
+  Error wrong_time(std::size_t row, const char* expected) const {
+    return wrong_time(source_, marks_[row].line, map_.clocks[0].column, times_[row], expected);
   }
 
   Status read_accel() {
@@ -435,7 +482,8 @@ class Importer {
       return input_error("{}: {}: expected {}, as in {}, or time.column", source.file_name, counted(n, "row"), rows_,
                          source_.file_name);
     for (std::size_t k = 1; k < n; ++k)
-      if (!(time[k] > time[k - 1])) return goes_back(source, table.line[k], map_.accel_time_columns[0], time[k]);
+      if (!(time[k] > time[k - 1]))
+        return wrong_time(source, table.line[k], map_.accel_time_columns[0], time[k], after_the_one_before);
     const auto common =
         std::ranges::count_if(time, [&](double t) { return rows_ > 0 && t >= times_.front() && t <= times_.back(); });
     if (common < 10)

@@ -84,6 +84,7 @@ struct CsvImport {
   std::string first_bad;                // the defect of the first of them
   std::int64_t gaps = 0;
   double jitter_s = 0.0;  // rms of the intervals about their mean, without gaps
+  std::string note;       // about the source
   std::string chosen;     // "time.increments = period: ..." if the stamps decided
 };
 

@@ -22,9 +22,9 @@ namespace {
 using Numbers = std::vector<double>;
 using Triad = std::array<std::size_t, 3>;  // columns
 
-// A column: its name in a map, and its text in the header, in small letters.
+// A column: its name in a map, its text in the header, in small letters and with units in ASCII, and its name as written.
 struct Candidate {
-  std::string reference, label;
+  std::string reference, label, said;
 };
 struct Layout {
   TableFormat format;
@@ -48,7 +48,8 @@ bool has_any(std::string_view text, const std::vector<std::string_view>& words) 
   });
 }
 
-std::string lower(std::string text) {
+std::string lower(std::string_view said) {
+  std::string text = ascii_units(said);
   for (char& c : text) c = c >= 'A' && c <= 'Z' ? char(c + 32) : c;
   return text;
 }
@@ -106,7 +107,7 @@ Result<Layout> look_at_text(std::string_view text, const std::string& file_name)
     const std::string label =
         parse_time_stamp(row[k]) ? "time [s]" : name + (units_below ? " " + std::string(header(1)[k]) : "");
     // A column that is empty in the row with the most numbers is named only.
-    layout.columns.push_back({plain ? name : std::to_string(k + 1), row[k].empty() ? "" : lower(label)});
+    layout.columns.push_back({plain ? name : std::to_string(k + 1), row[k].empty() ? "" : lower(label), name});
   }
   return layout;
 }
@@ -147,11 +148,12 @@ const std::vector<Unit> gyro_units = {{"deg/h", degph, true, {"deg/h", "degph", 
                                       {"rad", 1.0, false, {"rad"}},
                                       {"deg/s", rad_per_deg, true, {"deg", "dps"}},
                                       {"deg", rad_per_deg, false, {"deg"}}};
-const std::vector<Unit> accel_units = {{"cm/s^2", 1e-2, true, {"cm/s^2", "cm/s2", "cmps2", "(gal", "[gal"}},
-                                       {"m/s^2", 1.0, true, {"m/s^2", "m/s2", "mps2", "m s^-2", "m.s^-2"}},
-                                       {"m/s", 1.0, false, {"m/s", "mps"}},
-                                       {"mg", 9.80665e-3, true, {"_mg", "[mg", "(mg"}},
-                                       {"g", 9.80665, true, {"_g", "[g", "(g"}}};
+const std::vector<Unit> accel_units = {
+    {"cm/s^2", 1e-2, true, {"cm/s^2", "cm/s2", "cmps2", "cm s^-2", "cm.s^-2", "(gal", "[gal"}},
+    {"m/s^2", 1.0, true, {"m/s^2", "m/s2", "mps2", "m s^-2", "m.s^-2"}},
+    {"m/s", 1.0, false, {"m/s", "mps"}},
+    {"mg", 9.80665e-3, true, {"_mg", "[mg", "(mg"}},
+    {"g", 9.80665, true, {"_g", "[g", "(g"}}};
 
 const std::vector<Unit> time_units = {{"ns", 1e-9, false, {"ns$", "nsec", "nano"}},
                                       {"us", 1e-6, false, {"us$", "usec", "micro"}},
@@ -176,6 +178,21 @@ bool is_accel(std::string_view label) {
                                                        "^a_", "^ax", "^a1", "^f_", "^fx", "^f1", "^f:", "^a:"});
 }
 
+// Whether a thermometer's name has nothing in it but itself, the unit and its sensors.
+bool names_no_other_thing(std::string_view label) {
+  constexpr std::string_view known[] = {
+      "temperature", "temperatur", "temp",   "imu",        "gyroscope", "gyro",     "gyr",  "accelerometer",
+      "accel",       "acc",        "sensor", "die",        "chip",      "internal", "mems", "unit",
+      "deg",         "celsius",    "kelvin", "fahrenheit", "data",      "c",        "k",    "f",
+      "t",           "s"};
+  while (!label.empty()) {
+    const auto word = std::ranges::find_if(known, [&](std::string_view w) { return label.starts_with(w); });
+    if (is_letter(label[0]) && word == std::end(known)) return false;
+    label.remove_prefix(is_letter(label[0]) ? word->size() : 1);
+  }
+  return true;
+}
+
 // ---- what the numbers say ----
 
 Numbers norms_of(const std::array<const Numbers*, 3>& triad) {
@@ -195,7 +212,8 @@ class Proposer {
       const char* const unit = name.starts_with("angular")  ? " [rad/s]"
                                : name.starts_with("linear") ? " [m/s^2]"
                                                             : " [s]";
-      layout_.columns.push_back({name, lower(name) + (source_.topic.empty() ? "" : unit)});  // of sensor_msgs/Imu
+      layout_.columns.push_back(
+          {name, lower(name) + (source_.topic.empty() ? "" : unit), name});  // of sensor_msgs/Imu
     }
     if (source_.head) layout_ = TRY(look_at_text(*source_.head, source_.file_name));
     find_columns();
@@ -205,6 +223,7 @@ class Proposer {
     judge_time();
     judge_units();
     judge_life();
+    judge_temperature();
     judge_doubles();
     return MapProposal{text(), doubts_};
   }
@@ -212,6 +231,7 @@ class Proposer {
  private:
   enum Role { gyro, accel };
   const std::string& label(Role role) const { return layout_.columns[triad_[role][0]].label; }
+  const std::string& said(Role role) const { return layout_.columns[triad_[role][0]].said; }
   const std::string& reference(std::size_t column) const { return layout_.columns[column].reference; }
   std::array<const Numbers*, 3> numbers(Role role) const {
     return {&values_[triad_[role][0]], &values_[triad_[role][1]], &values_[triad_[role][2]]};
@@ -224,7 +244,7 @@ class Proposer {
 
   void find_columns() {
     std::vector<std::string> others[2];
-    std::vector<std::size_t> taken;
+    std::vector<std::size_t> taken, thermometers;
     for (const Triad& triad : triads_of(layout_.columns)) {
       const std::string& name = layout_.columns[triad[0]].label;
       if (!is_accel(name) && !is_gyro(name)) continue;
@@ -232,29 +252,30 @@ class Proposer {
       if (triad_[role].empty())
         triad_[role].assign(triad.begin(), triad.end());
       else
-        others[role].push_back(quoted(name));
+        others[role].push_back(quoted(layout_.columns[triad[0]].said));
       taken.insert(taken.end(), triad.begin(), triad.end());
     }
     for (const Role role : {gyro, accel})
       if (!others[role].empty())
-        doubt("which {}: {} or {}", role == gyro ? "gyros" : "accelerometers", quoted(label(role)),
+        doubt("which {}: {} or {}", role == gyro ? "gyros" : "accelerometers", quoted(said(role)),
               fmt::join(others[role], ", "));
     for (const Role role : {gyro, accel})
       if (!triad_[role].empty())
         if (const auto alike = std::ranges::count(layout_.columns, label(role), &Candidate::label); alike > 1)
           doubt("which {}: {} columns are named {}", role == gyro ? "gyros" : "accelerometers", alike,
-                quoted(label(role)));
+                quoted(said(role)));
     for (std::size_t k = layout_.columns.size(); k-- > 0;) {
       const std::string& name = layout_.columns[k].label;
       if (std::ranges::find(taken, k) != taken.end()) continue;
       const bool warm = has_any(name, {"temp", "^t_c", "degc", "celsius"});
-      if (warm) temperature_ = k;
+      if (warm) thermometers.push_back(k);
       if (warm) continue;
       if (name == "t" || name.ends_with("/t") || name.ends_with(".t") || name.ends_with(":t") ||
           has_any(name,
                   {"time", "stamp", "tow", "epoch", "clock", "elapsed", "^t(", "second", "^sec", "^t_", "^t ", "^t["}))
         time_ = k;
     }
+    find_thermometer(thermometers);
     find_nanoseconds();
     // The columns of a matrix that has no others.
     const std::string& front = layout_.columns.empty() ? std::string() : reference(0);
@@ -264,6 +285,23 @@ class Proposer {
         std::ranges::all_of(layout_.columns, [&](const Candidate& c) {
           return c.reference.starts_with(matrix) && parse_integer(std::string_view(c.reference).substr(matrix.size()));
         });
+  }
+
+  // The one that names the unit or a sensor of it, else the only one that names no other thing.
+  void find_thermometer(std::vector<std::size_t> columns) {
+    if (columns.empty()) return;
+    std::ranges::reverse(columns);
+    const auto label_of = [this](std::size_t k) -> std::string_view { return layout_.columns[k].label; };
+    const auto names_sensor = [](std::string_view name) {
+      return names_no_other_thing(name) && has_any(name, {"imu", "gyr", "acc"});
+    };
+    const auto own = std::ranges::find_if(columns, names_sensor, label_of);
+    const auto bare = std::ranges::find_if(columns, names_no_other_thing, label_of);
+    temperature_ = own != columns.end() ? *own : bare != columns.end() ? *bare : columns.front();
+    if (own != columns.end() || std::ranges::count_if(columns, names_no_other_thing, label_of) == 1) return;
+    std::vector<std::string> names;
+    for (const std::size_t k : columns) names.push_back(quoted(layout_.columns[k].said));
+    doubt("which temperature is the unit's: {}", fmt::join(names, ", "));
   }
 
   // Finds seconds with the nanoseconds in them, as in a std_msgs/Header.
@@ -280,8 +318,9 @@ class Proposer {
 
   Error columns_missing() const {
     std::vector<std::string> names;
-    for (const Candidate& column : layout_.columns)
-      names.push_back(quoted(column.label.empty() ? column.reference : column.label));
+    for (const auto& [reference, label, said] : layout_.columns)
+      names.push_back(quoted(reference) +
+                      (said.empty() || said == reference ? "" : fmt::format(" ({})", quoted(said))));
     names.resize(std::min<std::size_t>(names.size(), 20));
     return input_error(
         "{}: no three columns can be recognised as the {}: expected --map with their names; the columns are {}",
@@ -292,11 +331,11 @@ class Proposer {
   Status read() {
     std::vector<std::size_t> columns(triad_[gyro]);
     columns.insert(columns.end(), triad_[accel].begin(), triad_[accel].end());
-    for (const auto& column : {time_, nanoseconds_})
+    for (const auto& column : {time_, nanoseconds_, temperature_})
       if (column) columns.push_back(*column);
     for (std::size_t k = 0; by_place_ && k < layout_.columns.size(); ++k) columns.push_back(k);
     std::vector<WantedColumn> wanted;
-    for (const std::size_t column : columns) wanted.push_back({reference(column)});
+    for (const std::size_t column : columns) wanted.push_back({reference(column), column == temperature_});
     layout_.format.skip_bad_rows = true;  // the import reports them
     NumberTable table;
     TRY(source_.read(wanted, layout_.format, [&](const NumberTable& block) {
@@ -428,6 +467,23 @@ class Proposer {
       if (is_dead(column)) doubt("gyro.columns: {} is 0 throughout", quoted(reference(column)));
   }
 
+  // The unit by the header; in which a unit can be.
+  void judge_temperature() {
+    constexpr double lowest_c = -60.0, highest_c = 150.0;
+    if (!temperature_) return;
+    const std::string& name = layout_.columns[*temperature_].label;
+    const bool kelvin = has_any(name, {"[k]", "(k)", "kelvin"}) || name.ends_with("_k"),
+               fahrenheit = has_any(name, {"[f]", "(f)", "fahr", "degf"}) || name.ends_with("_f");
+    if (kelvin) temperature_lines_ = "temperature.offset = 273.15\n";
+    if (fahrenheit) temperature_lines_ = "temperature.offset = 32\ntemperature.scale = 0.5555555555555556\n";
+    Numbers read = values_[*temperature_];
+    std::erase_if(read, [](double x) { return std::isnan(x); });
+    if (read.empty()) return;
+    const double usual = median(read), usual_c = kelvin ? usual - 273.15 : fahrenheit ? (usual - 32.0) / 1.8 : usual;
+    if (!(usual_c >= lowest_c && usual_c <= highest_c))
+      doubt("temperature.scale, temperature.offset: a reading of {:.6g} is {:.6g} C", usual, usual_c);
+  }
+
   // Rows that repeat a stamp are another unit's if their numbers differ, always in the same direction, from the rows before and behind.
   void judge_doubles() {
     constexpr double chance = 8.0, fewest = 20.0;
@@ -470,13 +526,7 @@ class Proposer {
                ? fmt::format("time.column = {}, {}\ntime.unit = s, ns\n", reference(*time_), reference(*nanoseconds_))
            : time_ ? fmt::format("time.column = {}\ntime.unit = {}\n", reference(*time_), time_unit_)
                    : fmt::format("rate_hz = {}\n", format_number(site_.rate_hz > 0.0 ? site_.rate_hz : 100.0));
-    if (temperature_) {
-      const std::string& label = layout_.columns[*temperature_].label;
-      map += fmt::format("temperature.column = {}\n", reference(*temperature_));
-      if (has_any(label, {"[k]", "(k)", "kelvin"}) || label.ends_with("_k")) map += "temperature.offset = 273.15\n";
-      if (has_any(label, {"[f]", "(f)", "fahr", "\u00b0f", "degf"}) || label.ends_with("_f"))
-        map += "temperature.offset = 32\ntemperature.scale = 0.5555555555555556\n";
-    }
+    if (temperature_) map += fmt::format("temperature.column = {}\n{}", reference(*temperature_), temperature_lines_);
     if (const std::string& t = source_.topic; !t.empty() && quoted(t) == "'" + t + "'" && t.find('#') == t.npos)
       map += "topic = " + source_.topic + "\n";
     const TableFormat& format = layout_.format;
@@ -497,7 +547,7 @@ class Proposer {
   std::optional<std::size_t> time_, nanoseconds_, temperature_;
   bool by_place_ = false, time_guessed_ = false;
   double jitter_ = 0.0, period_s_ = 0.0;  // of the stamps, in the unit of the file
-  std::string_view time_unit_ = "s";
+  std::string_view time_unit_ = "s", temperature_lines_;
   std::array<std::string_view, 2> unit_;
   std::vector<std::string> doubts_;
 };

@@ -44,7 +44,11 @@ void read_increments(KeyValueFile& file, IncrementKind& gyro, IncrementKind& acc
 }
 
 const InertialUnit* read_unit(KeyValueFile& file, const std::string& key, const std::vector<std::string>& names) {
-  const std::string name = file.one_of(key, names);
+  const std::string name = ascii_units(file.text(key));
+  if (std::ranges::find(names, name) == names.end()) {
+    file.reject(key, "one of " + one_of(name, names));
+    return nullptr;
+  }
   const auto unit = std::find_if(std::begin(inertial_units), std::end(inertial_units),
                                  [&](const InertialUnit& u) { return u.name == name; });
   return unit == std::end(inertial_units) ? nullptr : unit;

@@ -193,6 +193,34 @@ TEST(ImportForms, ARowsNumberIsLeftOutWhereTheClockWasSetBack) {
   }
 }
 
+// Times ahead of those that follow cost their own rows; a counter that begins anew is no defect of rows.
+TEST(ImportForms, ARowIsBadByBothNeighbours) {
+  for (const char* how : {"time.increments = intervals\n", "time.increments = period\n", ""})
+    for (const int bad : {1, 3}) {
+      SCOPED_TRACE(how);
+      const auto table = [bad](double ahead, double anew) {
+        std::string csv = "t,gx,gy,gz,ax,ay,az\n";
+        for (int k = 0; k < 300; ++k)
+          csv += std::to_string(0.01 * k + (k >= 100 && k < 100 + bad ? ahead : 0.0) - (k >= 200 ? anew : 0.0)) + "," +
+                 std::to_string(k) + ",100,96,0.5,0,1\n";
+        return csv;
+      };
+      CsvMap map = map_of("time.column = t\n" + std::string(how));
+      for (const double ahead : {0.5, 1e6}) {
+        map.format.skip_bad_rows = false;
+        EXPECT_SAYS(said_of(import_text(map, table(ahead, 0.0))), "d.csv:102: column 't' = ");
+        map.format.skip_bad_rows = true;
+        const Result<CsvImport> c = good(import_text(map, table(ahead, 0.0)));
+        EXPECT_EQ(c->bad_rows, bad);
+        ASSERT_EQ(c->samples.size(), std::size_t(300 - bad));
+        EXPECT_EQ(c->samples[100].counter, 100 + bad);
+        EXPECT_EQ(c->samples.back().counter, 299);
+      }
+      EXPECT_SAYS(said_of(import_text(map, table(0.0, 2.0))),
+                  "d.csv:202: column 't' = '0': expected a time that goes on");
+    }
+}
+
 TEST(ImportForms, QuotesAndDecimalCommas) {
   std::string csv = "\"gx\";\"gy\";\"gz\";ax;ay;az\n";
   for (int k = 0; k < 12; ++k) csv += "\"1,5\";-2,25;0;3e-1;1.5;+4,5E1\n";

@@ -17,9 +17,9 @@ using namespace test;
 const std::string samples = TURNCAL_SOURCE_DIR "/tests/imu_io/map_samples/";
 const std::string maps = TURNCAL_SOURCE_DIR "/docs/maps/";
 
-// The motion in every sample: 60 rows, 0.5 rad/s about x from the 20th on, 9.8 m/s^2.
-void expect_sample_motion(const Result<CsvImport>& import, double period_s, double tolerance,
-                          const std::string& where) {
+// The motion in every sample: 60 rows, 0.5 rad/s about x from the 20th on, 9.8 m/s^2. `axes`: where front, up and right are in the file.
+void expect_sample_motion(const Result<CsvImport>& import, double period_s, double tolerance, const std::string& where,
+                          const AxisOrder& axes = {}) {
   SCOPED_TRACE(where);
   ASSERT_OK(import);
   EXPECT_NEAR(import->info.sample_period_s, period_s, 1e-8);
@@ -30,28 +30,32 @@ void expect_sample_motion(const Result<CsvImport>& import, double period_s, doub
     angle += rate * 0.01;
     const double gyro[] = {rate, 0.01, -0.02}, accel[] = {0.1, 9.8 * std::sin(mid), 9.8 * std::cos(mid)};
     for (std::size_t axis = 0; axis < 3; ++axis) {
-      ASSERT_NEAR(import->samples[k].gyro[axis] / period_s, gyro[axis], tolerance) << k;
-      ASSERT_NEAR(import->samples[k].accel[axis] / period_s, accel[axis], 10.0 * tolerance) << k;
+      const double per = axes.sign[axis] / period_s;
+      ASSERT_NEAR(import->samples[k].gyro[axis] * per, gyro[axes.from[axis]], tolerance) << k;
+      ASSERT_NEAR(import->samples[k].accel[axis] * per, accel[axes.from[axis]], 10.0 * tolerance) << k;
     }
   }
 }
 
 TEST(ShippedMaps, EachReadsItsSample) {
+  const AxisOrder front_right_down{{0, 2, 1}, {1, -1, 1}}, front_left_up{{0, 2, 1}, {1, 1, -1}},
+      right_front_up{{1, 2, 0}, {1, 1, 1}};
   const struct {
     const char *map, *file;
     double period_s, tolerance;
     bool warm;
-  } cases[] = {{"euroc", "euroc.csv", 0.01, 1e-6, false},
-               {"psins_imu", "psins_imu.mat", 0.01, 1e-6, false},
-               {"kf_gins", "kf_gins.txt", 0.01, 1e-6, false},
-               {"xsens", "xsens.txt", 0.01, 1e-6, false},
-               {"vectornav", "vectornav.csv", 0.01, 1e-6, true},
-               {"sbg", "sbg.txt", 0.01, 1e-6, true},
-               {"adi_adis16475_2", "adi_adis16475_2.csv", 0.0005, 3e-4, true}};
+    AxisOrder axes;
+  } cases[] = {{"euroc", "euroc.csv", 0.01, 1e-6, false, {}},
+               {"psins_imu", "psins_imu.mat", 0.01, 1e-6, false, right_front_up},
+               {"kf_gins", "kf_gins.txt", 0.01, 1e-6, false, front_right_down},
+               {"xsens", "xsens.txt", 0.01, 1e-6, false, front_left_up},
+               {"vectornav", "vectornav.csv", 0.01, 1e-6, true, front_right_down},
+               {"sbg", "sbg.txt", 0.01, 1e-6, true, front_right_down},
+               {"adi_adis16475_2", "adi_adis16475_2.csv", 0.0005, 3e-4, true, {}}};
   for (const auto& c : cases) {
     const Result<CsvMap> map = good(read_csv_map(maps + c.map + ".map"));
     const Result<CsvImport> import = import_csv(*map, samples + c.file);
-    expect_sample_motion(import, c.period_s, c.tolerance, c.file);
+    expect_sample_motion(import, c.period_s, c.tolerance, c.file, c.axes);
     if (import.ok() && c.warm) {
       EXPECT_FLOAT_EQ(import->samples[7].temperature_c, 25.5F) << c.file;
     }
@@ -118,6 +122,11 @@ TEST(MapProposal, UnitsAreSeenOrInDoubt) {
       {"t,gx,gy,gz,ax [mg],ay [mg],az [mg]", deg, 1e-3 * g, 1, true, 1, "accel.unit = mg\n", ""},
       {"t,gx,gy,gz,ax [cm/s^2],ay [cm/s^2],az [cm/s^2]", 1, 1e-2, 1, true, 1, "accel.unit = cm/s^2\n", ""},
       {bare, 1e-3, 1, 1, true, 1, "gyro.unit = mrad/s\n", ""},
+      {"t (s),wx (°/s),wy (°/s),wz (°/s),ax (m/s²),ay (m/s²),az (m/s²)", deg, 1, 1, false, 1, "gyro.unit = deg/s\n",
+       ""},
+      {"t (µs),wx (°/h),wy (°/h),wz (°/h),ax,ay,az", deg / 3600, 1, 1e-6, false, 1, "gyro.unit = deg/h\n", ""},
+      {"t_s,wx [rad·s⁻¹],wy [rad·s⁻¹],wz [rad·s⁻¹],ax [cm·s⁻²],ay [cm·s⁻²],az [cm·s⁻²]", 1, 1e-2, 1, false, 1,
+       "accel.unit = cm/s^2\n", ""},
       {"elapsed,gyro1,gyro2,gyro3,ax,ay,az", 1, 1, 1, true, 1, "gyro.columns = gyro1, gyro2, gyro3\n", ""},
       {bare, deg / 3600, 1, 1, true, 1, "gyro.unit = deg/h\n", ""},
       {bare, 1, 1, 1, false, 1, "", "gyro.unit: the header does not say it"},
@@ -189,6 +198,34 @@ TEST(MapProposal, OfColumnsWithoutNames) {
             ? "gyro.columns = 2, 3, 4\ngyro.unit = rad\naccel.columns = 5, 6, 7\naccel.unit = m/s\ntime.column = 1\n"
             : "gyro.columns = 4, 5, 6\ngyro.unit = rad\naccel.columns = 1, 2, 3\naccel.unit = m/s\ntime.column = 7\n");
     EXPECT_OK(import_csv(expect_value(parse_csv_map(proposal->text, "p")), folder / file));
+  }
+}
+
+TEST(MapProposal, OfThermometers) {
+  TemporaryFolder folder;
+  const struct {
+    std::string names, readings;
+    const char *says, *doubt;  // empty: none
+  } cases[] = {{"temp", "25.5", "temperature.column = temp\n", ""},
+               {"Temperatur (°F)", "77", "temperature.offset = 32\ntemperature.scale = 0.5555555555555556\n", ""},
+               {"temp", "-3200", "", "a reading of -3200 is -3200 C"},
+               {"temp", "25000", "", "a reading of 25000 is 25000 C"},
+               {"temp", "298.15", "", "a reading of 298.15 is 298.15 C"},
+               {"temp [K]", "298.15", "temperature.offset = 273.15\n", ""},
+               {"cpu_temp,imu_temp", "50,25", "temperature.column = imu_temp\n", ""},
+               {"Gyro_Temp [C],Acc_Temp [C]", "25,26", "temperature.column = Gyro_Temp [C]\n", ""},
+               {"baro_temperature,Temperature", "50,25", "temperature.column = Temperature\n", ""},
+               {"CPU_temp", "50", "", "which temperature is the unit's: 'CPU_temp'"},
+               {"temp1,temp2", "50,25", "", "which temperature is the unit's: 'temp1', 'temp2'"}};
+  for (const auto& c : cases) {
+    std::string text = table("t_s,gyro_x,gyro_y,gyro_z,ax,ay,az," + c.names, 1, 1, 1, true);
+    for (std::size_t at = text.find('\n') + 1; (at = text.find('\n', at)) != text.npos; at += c.readings.size() + 2)
+      text.insert(at, "," + c.readings);
+    write_file(folder / "log.csv", text);
+    const Result<MapProposal> proposal = good(propose(folder / "log.csv"));
+    EXPECT_SAYS(proposal->text, c.says);
+    EXPECT_EQ(proposal->doubts.empty(), *c.doubt == 0) << c.names << ::testing::PrintToString(proposal->doubts);
+    EXPECT_SAYS(::testing::PrintToString(proposal->doubts), c.doubt);
   }
 }
 

@@ -8,6 +8,7 @@
 #include <Eigen/LU>
 
 #include "calib/model/parameters.h"
+#include "imu_io/recordings/csv_map_import.h"
 
 namespace turncal {
 namespace {
@@ -61,9 +62,18 @@ Eigen::MatrixXd read(const std::string& text, const std::string& key, Eigen::Ind
 }
 Vector3d triple(const std::string& text, const std::string& key) { return read(text, key, 3, 1); }
 
+// From body axes to those of the program's own files, as the shipped map reads them.
+Matrix3d axes_of_map(const std::string& name) {
+  const CsvMap map = expect_value(read_csv_map(TURNCAL_SOURCE_DIR "/docs/maps/" + name + ".map"));
+  EXPECT_EQ(map.gyro.axes, map.accel.axes);
+  Matrix3d P = Matrix3d::Zero();
+  for (std::size_t k = 0; k < 3; ++k) P(map.gyro.axes.from[k], Eigen::Index(k)) = map.gyro.axes.sign[k];
+  return P;
+}
+
+// What a program corrects in the axes of its own files, imported with the shipped map, is what turncal corrects in the body's.
 TEST(ForeignForms, EachGivesTheSameSample) {
-  const Matrix3d rfu = (Matrix3d() << 0, 0, 1, 1, 0, 0, 0, 1, 0).finished(),
-                 frd = (Matrix3d() << 1, 0, 0, 0, 0, 1, 0, -1, 0).finished();
+  const Matrix3d rfu = axes_of_map("psins_imu"), frd = axes_of_map("kf_gins");
   for (const IncrementKind kind : {IncrementKind::physical, IncrementKind::pulses})
     for (const bool diagonal : {false, true}) {
       const ParameterFile file = made(kind, diagonal);
