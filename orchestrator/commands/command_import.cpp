@@ -8,9 +8,6 @@
 #include <filesystem>
 #include <optional>
 
-#include "calib/rests/rest_data.h"
-#include "calib/rests/rest_units.h"
-#include "calib/statistics/data_screen.h"
 #include "calib/statistics/segmentation.h"
 #include "imu_io/base/data_text.h"
 #include "imu_io/base/file_kind.h"
@@ -28,6 +25,7 @@
 #include "imu_io/recordings/ros_bag.h"
 #include "orchestrator/commands/commands.h"
 #include "orchestrator/jobs/calibration_job.h"
+#include "orchestrator/jobs/import_job.h"
 #include "orchestrator/jobs/navigation/calibrated_intervals.h"
 #include "orchestrator/jobs/navigation/foreign_forms.h"
 #include "orchestrator/jobs/navigation/navigation_job.h"
@@ -80,18 +78,6 @@ void print_segmentation(const Segmentation& found, const RecordingInfo& info, st
   }
 }
 
-// Returns what is plainly wrong with the units of measure, by rests or by the motion; empty: nothing.
-std::string wrong_units_of(RecordingSource& source, const Segments& segments) {
-  Compressor compressor(source.info(), rest_compression_options());
-  SegmentedFeed feed(compressor, segments);
-  static_cast<void>(source.read([&](std::span<const ImuSample> samples) {
-    feed.add(samples);
-    return Status();
-  }));
-  feed.finish();
-  return wrong_units(make_rest_data(compressor.take()));
-}
-
 Status segment_recording(const SegmentOptions& options, CommandContext& context) {
   std::unique_ptr<RecordingSource> opened = TRY(RecordingSource::open(options.source));
   RecordingSource& source = *opened;
@@ -107,39 +93,6 @@ Status segment_recording(const SegmentOptions& options, CommandContext& context)
   return {};
 }
 
-// Prints defects in the samples of an imported recording, whatever its source.
-Status say_of_samples(RecordingSource& source, CommandContext& context) {
-  ChannelLife life(source.info());
-  SpikeFinder finder(source.info());
-  std::vector<std::string> spikes;
-  TRY(source.read([&](std::span<const ImuSample> samples) {
-    for (const ImuSample& sample : samples) {
-      life.add(sample);
-      if (const auto k = finder.spike_in(sample))
-        spikes.push_back(glitch_of(*k, channel_of(sample, *k), sample.counter, source.info().sample_period_s));
-    }
-    return Status();
-  }));
-  if (!spikes.empty())
-    context.out << counted(std::ssize(spikes), "sample") << " that no unit can have felt, the first: " << spikes.front()
-                << std::endl;
-  if (const std::string dead = life.without_change(); !dead.empty())
-    context.out << dead << ": is it connected?" << std::endl;
-  return {};
-}
-
-// An imported recording in memory.
-class ImportedSource final : public RecordingSource {
- public:
-  ImportedSource(const CsvImport& content, std::string path) : RecordingSource(std::move(path)), content_(content) {
-    info_ = content.info;
-  }
-
- private:
-  Status stream(const Sink& sink) override { return content_.samples.empty() ? Status() : sink(content_.samples); }
-  const CsvImport& content_;
-};
-
 // Writes an imported recording. `where`: what defines the units of measure.
 Status write_imported(const CsvImport& content, const std::string& out, const std::string& line, const char* where,
                       CommandContext& context) {
@@ -147,20 +100,10 @@ Status write_imported(const CsvImport& content, const std::string& out, const st
   RecordingWriter writer = TRY(RecordingWriter::create(folder.file(binary_recording_name), content.info));
   TRY(writer.add(content.samples));
   TRY(writer.finish());
-  ImportedSource source(content, folder.file(binary_recording_name));
-  const Result<Segmentation> found = find_rests(source);
-  const Segment all{.kind = SegmentKind::still,
-                    .start_sample = content.samples.front().counter,
-                    .end_sample = content.samples.back().counter + 1};
-  if (const std::string wrong = wrong_units_of(source, found ? found->segments : Segments{all}); !wrong.empty())
-    return input_error("units: {}: expected others, another scale or other axes in {}", wrong, where);
+  const std::vector<std::string> notes = TRY(check_import(content, folder.file(binary_recording_name), where));
   folder.keep();
   context.out << "imported into " << folder.path() << ": " << line << std::endl;
-  if (content.clipped > 0)
-    context.out << counted(content.clipped, "sample") << " clipped: a gyro repeats its extreme value" << std::endl;
-  TRY(say_of_samples(source, context));
-  if (content.bad_rows > 0)
-    context.out << content.bad_rows << " bad rows skipped, the first: " << content.first_bad << std::endl;
+  for (const std::string& note : notes) context.out << note << std::endl;
   return {};
 }
 
@@ -196,9 +139,8 @@ Status import_frames(const TextOptions& from, CommandContext& context) {
   return write_imported(content, from.out, line, "the frame description", context);
 }
 
-// Returns the given map or the proposed one; when that is doubtful, an error after it was printed and written.
-Result<CsvMap> map_for(const TextOptions& from, const ColumnSource& source, CommandContext& context) {
-  if (!from.map.empty()) return read_csv_map(from.map);
+// Returns the proposed map; when it is doubtful, an error after it was printed and written.
+Result<CsvMap> propose(const TextOptions& from, const ColumnSource& source, CommandContext& context) {
   TRY(check_serial(site_of(from).unit_serial, "--unit"));
   const MapProposal proposal = TRY(propose_map(source, site_of(from)));
   context.out << proposal.text << std::flush;
@@ -214,8 +156,11 @@ Result<CsvMap> map_for(const TextOptions& from, const ColumnSource& source, Comm
 }
 
 Status import_table(const TextOptions& from, CommandContext& context) {
-  const ColumnSource source = TRY(open_columns(from.source, from.topic, from.skip_bad_rows));
-  CsvMap map = TRY(map_for(from, source, context));
+  CsvMap map;
+  if (!from.map.empty()) map = TRY(read_csv_map(from.map));
+  if (!from.topic.empty()) map.topic = from.topic;
+  const ColumnSource source = TRY(open_columns(from.source, map.topic, from.skip_bad_rows));
+  if (from.map.empty()) map = TRY(propose(from, source, context));
   map.format.skip_bad_rows = from.skip_bad_rows;
   map.gravity_mps2 = from.gravity_mps2.value_or(map.gravity_mps2);
   map.latitude_deg = from.latitude_deg.value_or(map.latitude_deg);
@@ -223,16 +168,9 @@ Status import_table(const TextOptions& from, CommandContext& context) {
   if (from.rate_hz) map.clocks.clear();
   if (!from.unit.empty()) map.unit_serial = from.unit;
   ColumnSource accel;
-  if (!from.accel.empty()) accel = TRY(open_columns(from.accel));
+  if (!from.accel.empty()) accel = TRY(open_columns(from.accel, {}, from.skip_bad_rows));
   const CsvImport content = TRY(import_columns(map, source, from.accel.empty() ? nullptr : &accel));
-  std::string line = fmt::format("{} of {}, mean period {:.6g} ms, jitter {:.3g} ms rms, {}, {}",
-                                 counted(std::ssize(content.samples), "sample"), counted(content.rows, "row"),
-                                 1e3 * content.info.sample_period_s, 1e3 * content.jitter_s,
-                                 counted(content.saturated, "saturated row"), counted(content.gaps, "gap"));
-  if (content.without_accel > 0)
-    line += fmt::format("; {} left out, where {} has none", counted(content.without_accel, "row"), from.accel);
-  for (const std::string& more : {source.note, content.chosen})
-    if (!more.empty()) line += "; " + more;
+  const std::string line = words_of(content, from.accel) + (from.rate_hz ? "; --rate in place of times" : "");
   return write_imported(content, from.out, line + assumed_of(from), "the map", context);
 }
 
@@ -275,7 +213,8 @@ Status import_text(const TextOptions& options, CommandContext& context) {
   TRY(import_binary(*source, folder.file(binary_recording_name)));
   TRY(finish(*source, folder, "imported into", context));
   source = TRY(RecordingSource::open(folder.file(binary_recording_name)));
-  return say_of_samples(*source, context);
+  for (const std::string& defect : TRY(defects_of(*source, source->segments()))) context.out << defect << std::endl;
+  return {};
 }
 
 Status export_recording(const TextOptions& options, CommandContext& context) {
@@ -347,15 +286,8 @@ Status apply(const ApplyOptions& options, CommandContext& context) {
                    {"the source", options.parameters},
                    {"--out", options.out}}));
   TRY(write_calibrated(calibrated, options));
-  if (!is_trusted(parameters))
-    context.err << context.tag << options.parameters << ": not trusted: " << why_not_trusted(parameters) << std::endl;
-  if (temperature)
-    context.out << fmt::format("parameters at the temperature of each sample, {:.2f} to {:.2f} C",
-                               temperature->lowest_c, temperature->highest_c);
-  if (temperature && temperature->leaves_range())
-    context.out << fmt::format("; OUTSIDE THE RANGE of {:.2f} to {:.2f} C as at its nearer end",
-                               temperature->polynomials.low_c, temperature->polynomials.high_c);
-  if (temperature) context.out << '\n';
+  if (!is_trusted(parameters)) context.err << context.tag << distrust_of(parameters, options.parameters) << std::endl;
+  if (temperature) context.out << describe(*temperature) << '\n';
   context.out << "calibrated " << (options.as == "rates" ? "rates" : "increments") << "  " << options.out << std::endl;
   return {};
 }
@@ -457,7 +389,7 @@ void add_import_command(CommandLine& line) {
   command.option("--latitude", options.latitude_deg, {is::in(-90.0, 90.0)},
                  "latitude of the site, degrees; default: the map's, or 0");
   command.option("--rate", options.rate_hz, {is::in(sample_rate_hz.min, sample_rate_hz.max)},
-                 "samples per second, if there is no time column");
+                 "samples per second, in place of a time column");
   command.option("--unit", options.unit, "serial number; default: the map's, or the name of the file");
 }
 

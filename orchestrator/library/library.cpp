@@ -11,11 +11,13 @@
 #include <span>
 
 #include "imu_io/base/clock.h"
+#include "imu_io/base/data_text.h"
 #include "imu_io/base/text.h"
 #include "imu_io/recordings/csv_map_import.h"
 #include "orchestrator/jobs/allan_job.h"
 #include "orchestrator/jobs/calibration_job.h"
 #include "orchestrator/jobs/command_context.h"
+#include "orchestrator/jobs/import_job.h"
 #include "orchestrator/jobs/navigation/calibrated_intervals.h"
 #include "orchestrator/jobs/prediction_job.h"
 
@@ -33,6 +35,7 @@ struct Recording::Content {
   std::vector<Sample> samples;
   std::vector<Segment> segments;
   turncal::RecordingDamage damage;
+  std::vector<std::string> notes;
 };
 
 struct Parameters::Content {
@@ -101,7 +104,8 @@ class MemorySource : public RecordingSource {
 };
 
 // Reads a source into memory. `name`: as given by the caller; is_file: it can be opened again by that name.
-Recording read_all(RecordingSource& source, const std::string& name, bool is_file) {
+Recording read_all(RecordingSource& source, const std::string& name, bool is_file,
+                   std::vector<std::string> notes = {}) {
   auto content = std::make_shared<Recording::Content>();
   check(source.read([&](std::span<const ImuSample> samples) {
     for (const ImuSample& sample : samples) content->samples.push_back(std::bit_cast<Sample>(sample));
@@ -113,7 +117,8 @@ Recording read_all(RecordingSource& source, const std::string& name, bool is_fil
               source.info(),
               std::move(content->samples),
               each_as<Segment>(source.segments()),
-              source.damage()};
+              source.damage(),
+              std::move(notes)};
   return Recording(std::move(content));
 }
 
@@ -162,8 +167,10 @@ Recording Recording::import_table(const std::string& path, const std::string& ma
   static std::mutex one_at_a_time;  // Debian's libhdf5 is not thread-safe
   const std::lock_guard<std::mutex> now(one_at_a_time);
   const CsvImport table = value(import_csv(value(read_csv_map(map)), path));
-  return Recording(
-      std::make_shared<Content>(Content{path, path, false, table.info, each_as<Sample>(table.samples), {}, {}}));
+  std::vector<std::string> notes = value(check_import(table, path, "the map"));
+  notes.insert(notes.begin(), words_of(table));
+  return Recording(std::make_shared<Content>(
+      Content{path, path, false, table.info, each_as<Sample>(table.samples), {}, {}, std::move(notes)}));
 }
 
 Recording Recording::with_rests(double min_rest_s) const {
@@ -181,6 +188,7 @@ RecordingInfo Recording::info() const { return face(content_->info); }
 std::span<const Sample> Recording::samples() const { return content_->samples; }
 std::span<const Segment> Recording::segments() const { return content_->segments; }
 std::string Recording::damage() const { return describe(content_->damage); }
+std::vector<std::string> Recording::notes() const { return content_->notes; }
 std::string Recording::hash() const {
   MemorySource source(*this);
   return value(source.content_hash());
@@ -208,12 +216,19 @@ std::array<double, 24> Parameters::sigmas() const {
 }
 bool Parameters::trusted() const { return is_trusted(content_->file); }
 std::vector<std::pair<std::string, std::string>> Parameters::items() const { return items_of(text()); }
+std::optional<double> number_of(const std::pair<std::string, std::string>& item) {
+  return DataCell::of_item(item.first, item.second).json == item.second ? parse_number(item.second) : std::nullopt;
+}
 
 Recording apply(const Recording& recording, const Parameters& parameters) {
   const Parameters::Content& given = parameters.content();
   MemorySource source(recording);
-  CalibratedSource calibrated(source, value(SampleCalibration::make(given.file, given.name, source)));
-  return read_all(calibrated, recording.content().name, false);
+  SampleCalibration calibration = value(SampleCalibration::make(given.file, given.name, source));
+  std::vector<std::string> notes;
+  if (!is_trusted(given.file)) notes.push_back(distrust_of(given.file, given.name));
+  if (calibration.temperature) notes.push_back(describe(*calibration.temperature));
+  CalibratedSource calibrated(source, std::move(calibration));
+  return read_all(calibrated, recording.content().name, false, std::move(notes));
 }
 
 std::string Report::text() const { return as_text(content_->document); }

@@ -31,6 +31,17 @@ auto field(std::size_t offset, py::ssize_t columns = 0) {
   };
 }
 
+// Numbers where they are numbers.
+std::vector<std::pair<std::string, py::object>> typed(const std::vector<std::pair<std::string, std::string>>& items) {
+  const py::gil_scoped_acquire locked;
+  std::vector<std::pair<std::string, py::object>> all;
+  for (const auto& item : items) {
+    const std::optional<double> number = number_of(item);
+    all.emplace_back(item.first, number ? py::object(py::float_(*number)) : py::object(py::str(item.second)));
+  }
+  return all;
+}
+
 auto calibrate_all(const std::vector<Recording>& recordings, const std::string& method, bool partial,
                    const std::string& time) {
   Calibration c = calibrate(recordings, {method, partial, time});
@@ -40,7 +51,7 @@ auto calibrate_all(const std::vector<Recording>& recordings, const std::string& 
 auto diagnose_all(const std::vector<Recording>& recordings, const std::vector<Recording>& holdouts,
                   const std::string& time) {
   Diagnosis d = diagnose(recordings, {holdouts, time});
-  return std::tuple(d.verdict, d.effects, d.parameters, d.items, d.text, d.report);
+  return std::tuple(d.verdict, d.effects, d.parameters, typed(d.items), d.text, d.report);
 }
 
 // Points: tau, deviation, low, high, degrees. Coefficients: value, sigma, limit.
@@ -91,6 +102,7 @@ PYBIND11_MODULE(_turncal, m) {
       .def("hash", &Recording::hash, Unlocked())
       .def("path", &Recording::path)
       .def("damage", &Recording::damage)
+      .def("notes", &Recording::notes)
       .def("info",
            [](const Recording& r) {
              const RecordingInfo i = r.info();
@@ -116,7 +128,7 @@ PYBIND11_MODULE(_turncal, m) {
       .def_static("parse", &Parameters::parse)
       .def("write", &Parameters::write, Unlocked())
       .def("text", &Parameters::text)
-      .def("items", &Parameters::items)
+      .def("items", [](const Parameters& p) { return typed(p.items()); })
       .def("values", &Parameters::values)
       .def("sigmas", &Parameters::sigmas)
       .def("trusted", &Parameters::trusted);

@@ -28,6 +28,15 @@ def setUpModule():
     assert ran.returncode == 0, ran.stderr
 
 
+def sealed(text):
+    body, crc = text[:text.rindex("checksum")], 0xFFFFFFFF
+    for byte in body.encode():
+        crc ^= byte
+        for _ in range(8):
+            crc = crc >> 1 ^ (0x82F63B78 if crc & 1 else 0)
+    return f"{body}checksum = {crc ^ 0xFFFFFFFF:08x}\n"
+
+
 def but_time(parameters):
     return {key: value for key, value in parameters.as_dict().items() if key != "time_utc"}
 
@@ -67,6 +76,8 @@ class Module(unittest.TestCase):
         self.assertEqual(turncal.Parameters.parse(p.text).text, p.text)
         p.write("written.conf")
         self.assertEqual(pathlib.Path("written.conf").read_text(), p.text)
+        with self.assertRaisesRegex(turncal.InputError, "is a file of another kind, and is not replaced"):
+            p.write("run/recording.tcr")
         self.assertTrue(dataclasses.is_dataclass(result))
 
     def test_apply_is_that_of_the_command(self):
@@ -76,6 +87,18 @@ class Module(unittest.TestCase):
         applied = turncal.apply(turncal.load("run"), turncal.read_parameters("to_apply/parameters.conf"))
         period = applied.info.sample_period_s
         np.testing.assert_array_equal(np.column_stack([applied.time_s, applied.gyro / period, applied.accel / period]), rates[:, :7])
+
+    def test_what_the_commands_say_is_said(self):
+        text = turncal.calibrate(turncal.load("run")).parameters.text
+        for serial in ("0042", "42", "1e5"):  # a text, whatever its digits
+            changed = turncal.Parameters.parse(sealed(text.replace("unit_serial = PY", f"unit_serial = {serial}")))
+            self.assertEqual((changed["unit_serial"], changed["N01"]), (serial, float(changed.values[0])))
+        pathlib.Path("table.csv").write_text("gx,gy,gz,ax,ay,az\n" + "".join(f"0,{k % 7}e-4,{k % 5}e-4,0.1,0,9.8\n" for k in range(1000)))
+        pathlib.Path("table.map").write_text("unit_serial = T\ngravity_mps2 = 9.8\nrate_hz = 100\ngyro.columns = gx, gy, gz\ngyro.unit = rad/s\n"
+                                             "accel.columns = ax, ay, az\naccel.unit = m/s^2\n")
+        said = program("import", "table.csv", "--map", "table.map", "--out", "table").stdout.splitlines()
+        self.assertEqual(turncal.import_table("table.csv", "table.map").notes, (said[0].split(": ", 1)[1], *said[1:]))
+        self.assertIn("gyro x gave the same value", said[1])
 
     def test_allan_and_prediction_are_those_of_the_commands(self):
         program("allan", "run", "--out", "allan")

@@ -93,6 +93,9 @@ echo 'no table and no recording' > letter.txt
 refused 'unknown kind of file' import letter.txt --out b
 refused 'this is a recording already' import known --out b
 refused "topic '/imu': expected a ROS bag" import "$samples/euroc.csv" --topic /imu --out b
+good apply a --parameters a/parameters.conf --as rates --out a.mcap
+sed 's/^time.column.*/time.column = t\ntopic = \/nope/' proposed.map > topic.map
+refused "no topic '/nope'" import a.mcap --map topic.map --out b
 refused 'no sample in it by the frame description stim300' import "$samples/imu.h5" --frame stim300 --out b
 printf 'format = 1\nname = one\nrate_degps = 30\nacceleration_degps2 = 60\nstep 1\n  initial H 0 P 0 R 0\n  align 2000\n  rotate P +10\n  dwell 2000\n' > one.seq
 refused 'expected steps that do (turncal predict)' batch queue --dry-run --sequence one.seq --out b

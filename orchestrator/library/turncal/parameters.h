@@ -5,6 +5,7 @@
 
 #include <array>
 #include <memory>
+#include <optional>
 #include <span>
 #include <string>
 #include <string_view>
@@ -40,6 +41,9 @@ class TURNCAL_API Parameters {
  private:
   std::shared_ptr<const Content> content_;
 };
+
+// Returns the number of an item, of a parameter file or a diagnosis; none of a text. A serial and a hash are texts, whatever their digits.
+TURNCAL_API std::optional<double> number_of(const std::pair<std::string, std::string>& item);
 
 // `turncal apply`: returns the recording with calibrated increments, rad and m/s, with effects subtracted. Divided by the period they are rates and
 // specific forces. An error when the parameters are of another unit or kind of increment.

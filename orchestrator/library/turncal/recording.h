@@ -62,7 +62,10 @@ class TURNCAL_API Recording {
   std::span<const Sample> samples() const;  // valid as long as a copy of this object lives
   std::span<const Segment> segments() const;
   std::string damage() const;  // data lost in the file, one line; empty: none
-  std::string hash() const;    // record.hash of the parameter file: the same for every form of a recording
+  // What the command says of it, a line each: `turncal import` of a table; `turncal apply` of parameters that are not trusted, or are used
+  // outside the range of their temperatures.
+  std::vector<std::string> notes() const;
+  std::string hash() const;  // record.hash of the parameter file: the same for every form of a recording
 
   struct Content;
   explicit Recording(std::shared_ptr<const Content> content) : content_(std::move(content)) {}

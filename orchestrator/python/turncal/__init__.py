@@ -76,10 +76,11 @@ class Recording(_Fixed):
     gyro, accel (n, 3) float64: increments since the sample before, pulses or rad and m/s (info)
     temperature_c (n,) float32, nan: not measured; flags (n,) uint32, 0: good
     damage: what a file has lost, one line; empty: nothing
+    notes: what `turncal import` says of a table, and `turncal apply` of the parameters, a line each
     """
 
     def __init__(self, inner):
-        self._inner, self.path, self.damage = inner, inner.path(), inner.damage()
+        self._inner, self.path, self.damage, self.notes = inner, inner.path(), inner.damage(), tuple(inner.notes())
         self.counter, self.gyro, self.accel = inner.counter, inner.gyro, inner.accel
         self.temperature_c, self.flags = inner.temperature_c, inner.flags
         info, kinds = RecordingInfo(*inner.info()), ("pulses", "physical")
@@ -123,7 +124,7 @@ class Parameters(_Fixed):
         self.n, self.a = self.values[6:15].reshape(3, 3), self.values[15:].reshape(3, 3)
         for array in (self.values, self.sigmas, self.N0, self.A0, self.n, self.a):
             array.flags.writeable = False
-        self._items = {key: _number(value) for key, value in inner.items()}
+        self._items = dict(inner.items())
 
     @staticmethod
     def parse(text, name="parameters"):
@@ -217,13 +218,6 @@ class Prediction(_Reported):
     report: Report
 
 
-def _number(text):
-    try:
-        return float(text)
-    except ValueError:
-        return text
-
-
 def _path(path):
     text = _os.fsdecode(path)
     if "\0" in text:
@@ -268,7 +262,7 @@ def calibrate(recordings, *, method="joint", partial=False, time_utc=""):
 def diagnose(recordings, *, holdouts=(), time_utc=""):
     """Do the data hold an effect beyond the 24 parameters, and which: as `turncal diagnose`. holdouts: of the unit, not fitted."""
     verdict, effects, parameters, items, text, report = _turncal.diagnose(_inners(recordings), _inners(holdouts), time_utc)
-    return Diagnosis(verdict, effects, parameters and Parameters(parameters), {k: _number(v) for k, v in items}, text, Report(report))
+    return Diagnosis(verdict, effects, parameters and Parameters(parameters), dict(items), text, Report(report))
 
 
 def apply(recording, parameters):

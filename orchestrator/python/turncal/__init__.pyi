@@ -44,6 +44,7 @@ class Recording:
     info: RecordingInfo
     segments: tuple[Segment, ...]
     path: str; damage: str; hash: str
+    notes: tuple[str, ...]
     time_s: Floats
     def with_rests(self, min_rest_s: float = ...) -> Recording: ...
     def __len__(self) -> int: ...
