@@ -243,12 +243,11 @@ class BackwardStep {
       M.middleCols<3>(states_ + 3) += accel;
     }
     if (!step_.observed) return;
-    for (int at = 0; at < M.cols(); at += 3) {
+    for (int at = 0; at < M.cols(); at += 3)
       if (at == 3)
         M.middleCols<3>(3) -= by_gain;
       else
         M.middleCols<3>(at) -= by_gain * H_.middleCols<3>(at);
-    }
   }
   const Eigen::Matrix<double, 3, Eigen::Dynamic>& H() const { return H_; }
   // Returns the information on the walks of the readings of an observed step of length t, times their variance at unit density. I: information on the

@@ -28,13 +28,11 @@ double least(const std::function<double(double)>& f, double smallest, double lar
   double low = std::log(best) - step, high = std::log(best) + step;
   double a = high - golden * (high - low), b = low + golden * (high - low);
   double fa = f(std::exp(a)), fb = f(std::exp(b));
-  for (int k = 0; k < 18; ++k) {
-    if (fa < fb) {
+  for (int k = 0; k < 18; ++k)
+    if (fa < fb)
       high = b, b = a, fb = fa, a = high - golden * (high - low), fa = f(std::exp(a));
-    } else {
+    else
       low = a, a = b, fa = fb, b = low + golden * (high - low), fb = f(std::exp(b));
-    }
-  }
   return std::exp(0.5 * (low + high));
 }
 

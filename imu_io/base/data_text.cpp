@@ -23,15 +23,14 @@ std::string quoted_json(std::string_view text) {
   while (!text.empty()) {
     const char c = text.front();
     const std::size_t length = utf8_character(text);
-    if (length == 0) {
+    if (length == 0)
       result += "\\ufffd";
-    } else if (c == '"' || c == '\\') {
+    else if (c == '"' || c == '\\')
       result += std::string("\\") + c;
-    } else if (static_cast<unsigned char>(c) < 0x20 || c == '<') {  // '<': safe inside a page's script, too
+    else if (static_cast<unsigned char>(c) < 0x20 || c == '<')  // '<': safe inside a page's script, too
       result += fmt::format("\\u{:04x}", unsigned(c));
-    } else {
+    else
       result += text.substr(0, length);
-    }
     text.remove_prefix(std::max<std::size_t>(1, length));
   }
   return result + "\"";

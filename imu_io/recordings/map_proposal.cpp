@@ -212,8 +212,7 @@ class Proposer {
       const char* const unit = name.starts_with("angular")  ? " [rad/s]"
                                : name.starts_with("linear") ? " [m/s^2]"
                                                             : " [s]";
-      layout_.columns.push_back(
-          {name, lower(name) + (source_.topic.empty() ? "" : unit), name});  // of sensor_msgs/Imu
+      layout_.columns.push_back({name, lower(name) + (source_.topic.empty() ? "" : unit), name});  // of sensor_msgs/Imu
     }
     if (source_.head) layout_ = TRY(look_at_text(*source_.head, source_.file_name));
     find_columns();

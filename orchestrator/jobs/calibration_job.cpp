@@ -501,9 +501,8 @@ Result<CalibrationOutput> calibrate_recording(const LoadedRecording& loaded, con
   if (Status status = by_hand  ? rests_by_hand(recording, request, output)
                       : closed ? closed_form(recording, output)
                                : joint(loaded, request, output);
-      !status) {
+      !status)
     return Error{status.error().kind, loaded.path + ": " + status.error().message};
-  }
   describe_recording(recording.info, output.file);
   output.file.recording_hash = loaded.hash;
   output.file.method = by_hand ? rest_method : request.method;

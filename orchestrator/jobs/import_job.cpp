@@ -56,8 +56,8 @@ Result<std::vector<std::string>> defects_of(RecordingSource& source, const Segme
     return Status();
   }));
   if (!spikes.empty())
-    defects.push_back(counted(std::ssize(spikes), "sample") + " that no unit can have felt, the first: " +
-                      spikes.front());
+    defects.push_back(counted(std::ssize(spikes), "sample") +
+                      " that no unit can have felt, the first: " + spikes.front());
   if (const std::string dead = life.without_change(); !dead.empty()) defects.push_back(dead + ": is it connected?");
   for (const std::string& found : stuck.found()) defects.push_back(found);
   return defects;

@@ -211,12 +211,11 @@ bool can_go_on(const Run& run) {
 RunEnd stopped(Run& run, const RunOutcome& outcome, bool goes_on, CommandContext& context) {
   run.say(outcome.error.message);
   Error whole = outcome.error;
-  for (RunUnit& unit : run.units) {
+  for (RunUnit& unit : run.units)
     if (unit.dropped)
       whole.message += "; " + unit.status.error().message;
     else
       unit.status = outcome.error;
-  }
   const std::string how =
       run.request.session.part ? "the same command continues" : "resume with: turncal " + resuming(run.folder);
   if (goes_on && outcome.state == RunState::interrupted)

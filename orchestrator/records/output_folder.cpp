@@ -61,9 +61,8 @@ Status OutputFolder::make_missing() {
   std::error_code error;
   std::vector<fs::path> missing;
   for (fs::path p = fs::absolute(path_, error).lexically_normal(); !p.empty() && !fs::exists(p, error);
-       p = p.parent_path()) {
+       p = p.parent_path())
     if (p.has_filename()) missing.insert(missing.begin(), p);
-  }
   for (const fs::path& p : missing) {
     const bool created = fs::create_directory(p, error);
     if (error) return storage_error(p.string(), "cannot make this folder", error.value());

@@ -305,11 +305,10 @@ StationRun::MaybeEvent StationRun::connect() {
   for (UnitLane& lane : lanes_) {
     if (!lane.alive()) continue;
     const Result<std::string> unit = lane.connect(job_.station, table->simulated, devices_.clock);
-    if (unit) {
+    if (unit)
       found += "; " + named(lane, *unit);
-    } else if (const MaybeEvent event = fail(lane, RunEvent::connect_failed, unit.error())) {
+    else if (const MaybeEvent event = fail(lane, RunEvent::connect_failed, unit.error()))
       return event;
-    }
   }
   for (const UnitLane& lane : lanes_)
     if (devices_.chamber && lane.alive() && !lane.tells_temperature())

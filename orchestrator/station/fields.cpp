@@ -10,17 +10,16 @@ namespace {
 
 template <class Value>
 std::string text_of_value(const Field& field, const Value& value) {
-  if constexpr (std::is_same_v<Value, std::string>) {
+  if constexpr (std::is_same_v<Value, std::string>)
     return value;
-  } else if constexpr (std::is_same_v<Value, bool>) {
+  else if constexpr (std::is_same_v<Value, bool>)
     return value ? "true" : field.optional ? "" : "false";
-  } else if constexpr (std::is_same_v<Value, double>) {
+  else if constexpr (std::is_same_v<Value, double>)
     return field.optional && value == 0.0 ? "" : format_number(value / field.unit);
-  } else if constexpr (std::is_integral_v<Value>) {
+  else if constexpr (std::is_integral_v<Value>)
     return field.optional && value == 0 ? "" : format_number(value);
-  } else {
+  else
     return value ? format_number(*value) : "";
-  }
 }
 
 template <class Value>

@@ -392,13 +392,12 @@ AxisReading flags_of(const DialectStatus& status, const std::string& word) {
   for (const DriveBit bit : all_drive_bits) {
     const std::size_t at = index(bit);
     if (!status.reports(bit)) continue;
-    if (!result.known) {
+    if (!result.known)
       result.flags[at] = bit == DriveBit::moving;
-    } else if (status.by_bits) {
+    else if (status.by_bits)
       result.flags[at] = ((result.raw & status.mask[at]) != 0) != status.active_low[at];
-    } else {
+    else
       result.flags[at] = std::ranges::find(code->second, bit) != code->second.end();
-    }
   }
   return result;
 }

@@ -174,9 +174,8 @@ Status ManualTurntable::move_absolute(Axis axis, double position_deg, double rat
   if (!std::isfinite(position_deg))
     return refused("move to " + format_number(position_deg) + " deg: expected an angle");
   if (!(rate_degps > 0.0) || !std::isfinite(rate_degps) || !(acceleration_degps2 > 0.0) ||
-      !std::isfinite(acceleration_degps2)) {
+      !std::isfinite(acceleration_degps2))
     return refused("rate and acceleration: expected numbers above 0");
-  }
   if (!enabled_) return refused("not enabled");
   if (!hands_[index(axis)].homed) return refused("not homed");
   for (const Wanted& wanted : queue_)
@@ -324,11 +323,10 @@ void ManualTurntable::handle_lines() {
 
 void ManualTurntable::keep_limits() {
   if (!waits_for_answer()) return;
-  if (!paused_ && patience_s() - asked_s_ > settings_.answer_timeout_s) {
+  if (!paused_ && patience_s() - asked_s_ > settings_.answer_timeout_s)
     pause(texts_.say("said.no_answer", {{"seconds", texts_.shown(settings_.answer_timeout_s)}}));
-  } else if (paused_ && patience_s() - std::max(paused_s_, asked_s_) > settings_.pause_limit_s) {
+  else if (paused_ && patience_s() - std::max(paused_s_, asked_s_) > settings_.pause_limit_s)
     end(ErrorKind::interrupted, "paused for longer than " + format_number(settings_.pause_limit_s) + " s");
-  }
 }
 
 void ManualTurntable::pause(const std::string& why) {

@@ -255,10 +255,9 @@ Result<RegisterMap> map_from(KeyValueFile& file) {
   read_axes(file, map);
   read_status_block(file, map);
   read_writes(file, map);
-  for (const MapAxis& axis : map.axis) {
+  for (const MapAxis& axis : map.axis)
     if (!map.home_by_encoder && !axis.bit(DriveBit::homed))
       file.text("bit.homed.address");  // reports that the key is missing
-  }
   // A misspelt key is reported first; it would look like a missing one.
   TRY(file.check_all_used());
   check_map(file, map);

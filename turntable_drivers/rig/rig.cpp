@@ -307,11 +307,10 @@ bool RigState::step(ImuSample& sample) {
   apply_events();
   if (climate.active) pass_climate();
   std::array<double, 3> gyro, accel;
-  if (standing_is_known || all_standing()) {
+  if (standing_is_known || all_standing())
     integrate_standing(gyro, accel);
-  } else {
+  else
     integrate_motion(gyro, accel);
-  }
   gyro_noise_source.add(gyro);
   accel_noise_source.add(accel);
 

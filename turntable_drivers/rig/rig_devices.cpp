@@ -219,11 +219,10 @@ Result<std::size_t> RigImu::read(std::span<ImuSample> out, double timeout_s) {
   for (const ImuSample& sample : out.first(delivered)) {
     if (have_counter_) {
       const std::int64_t ahead = sample.counter - last_counter_;
-      if (ahead <= 0) {
+      if (ahead <= 0)
         ++counters_.duplicates;
-      } else {
+      else
         counters_.lost_samples += std::uint64_t(ahead - 1);
-      }
     }
     have_counter_ = true;
     last_counter_ = sample.counter;

@@ -38,15 +38,14 @@ std::array<double, 24> draw_truth(const RigConfig& config) {
     const double start = diagonal ? (is_n ? nominal : 1.0) : 0.0;
     const double drawn = cut_normal(random);
     double spread = 0.0;
-    if (i < 3) {
+    if (i < 3)
       spread = 0.08;
-    } else if (i < 6) {
+    else if (i < 6)
       spread = 4e-3;
-    } else if (is_n) {
+    else if (is_n)
       spread = diagonal ? 3e-4 * nominal : 2e-3;
-    } else if (!below) {
+    else if (!below)
       spread = diagonal ? 0.03 : 7e-4;
-    }
     truth[i] = config.truth[i].value_or(config.random_truth ? start + spread * drawn : start);
   }
   return truth;

@@ -59,11 +59,10 @@ TableStop::Motion TableStop::motion(const TableStatus& axes) const {
 bool TableStop::look(const TableStatus* axes, double now_s) {
   const Motion seen = axes != nullptr ? motion(*axes) : Motion::moves;
   seen_ = axes != nullptr ? std::optional(seen) : std::nullopt;
-  if (axes == nullptr) {
+  if (axes == nullptr)
     stands_.reset();
-  } else if (seen == Motion::moves || !stands_) {
+  else if (seen == Motion::moves || !stands_)
     stands_ = *axes;
-  }
   if (seen == Motion::stands) {
     if (drives_on(*axes) ? abort_taken_ && !table_.can_switch_off() : !table_.was_switched_on()) return true;
   } else if (axes != nullptr && now_s < brakes_until_s_) {

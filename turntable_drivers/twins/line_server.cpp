@@ -59,11 +59,10 @@ Status LineServer::open_pty(const std::string& link_path) {
 std::string LineServer::address() const { return tcp() ? "127.0.0.1:" + std::to_string(port_) : pty_.device(); }
 
 void LineServer::hang_up() {
-  if (tcp()) {
+  if (tcp())
     for (Client& client : clients_) ::close(client.descriptor);
-  } else {
+  else
     pty_.unplug();
-  }
   clients_.clear();
 }
 
@@ -104,13 +103,12 @@ void LineServer::run_once(double timeout_s) {
   bool gone = false;
   for (std::size_t i = 0; i < clients_.size(); ++i) {
     const bool ready = (waiting[first + i].revents & (POLLIN | POLLHUP | POLLERR)) != 0;
-    if (!ready || serve(clients_[i])) {
+    if (!ready || serve(clients_[i]))
       kept.push_back(std::move(clients_[i]));
-    } else if (tcp()) {
+    else if (tcp())
       ::close(clients_[i].descriptor);
-    } else {
+    else
       gone = true;
-    }
   }
   clients_ = std::move(kept);
   if (gone) pty_.unplug();

@@ -95,11 +95,10 @@ std::optional<std::vector<std::uint16_t>> ModbusTwin::registers_of(const StatusB
       const std::optional<StatusBit>& bit = scale.bits[i];
       if (!bit || !block.holds(bit->address)) continue;
       std::uint16_t& word = registers[std::size_t(bit->address - block.address)];
-      if (!bit->codes.empty()) {
+      if (!bit->codes.empty())
         word = std::uint16_t((word & ~bit->mask) | code_of(scale, *bit, state));
-      } else if (state[i] == bit->active_high) {
+      else if (state[i] == bit->active_high)
         word |= bit->mask;
-      }
     }
   }
   return registers;
@@ -132,9 +131,8 @@ ModbusTwin::Answer ModbusTwin::read(const ModbusRequest& request) {
 bool ModbusTwin::matches(const WriteStep& step, TableOperation operation, Axis axis, const ModbusRequest& request,
                          Operands& operands) const {
   if (request.unit != map_.unit_of(operation, axis) || request.address != map_.address_of(step, operation, axis) ||
-      request.count != step.length()) {
+      request.count != step.length())
     return false;
-  }
   std::size_t at = 0;
   for (const WriteOperand& operand : step.operands) {
     const double value = decode_words(std::span(request.values).subspan(at), operand.type, map_.layout);
