@@ -171,4 +171,11 @@ std::string one_of(std::string_view typed, const std::vector<std::string>& known
   return words + (known.size() > shown ? ", ..." : "") + did_you_mean(typed, known);
 }
 
+Status check_known(const std::string& where, const std::string& what, const std::string& name,
+                   const std::vector<std::string>& known) {
+  if (std::ranges::find(known, name) != known.end()) return {};
+  return input_error(where + ": there is no " + what + " " + turncal::quoted(name) +
+                     (known.empty() ? ": there is none at all" : did_you_mean(name, known)));
+}
+
 }  // namespace turncal

@@ -15,6 +15,7 @@
 #include <system_error>
 #include <vector>
 
+#include "calib/types/status.h"
 #include "calib/types/value_text.h"
 
 namespace turncal {
@@ -115,6 +116,9 @@ std::size_t edit_distance(std::string_view a, std::string_view b);
 std::string did_you_mean(std::string_view typed, const std::vector<std::string>& known);
 // Returns what a message says was expected instead of `typed`: "add, remove or stop; did you mean 'stop'?".
 std::string one_of(std::string_view typed, const std::vector<std::string>& known);
+// Returns "WHERE: there is no unit 'SN17'; did you mean 'SN1'?" unless `known` has the name.
+Status check_known(const std::string& where, const std::string& what, const std::string& name,
+                   const std::vector<std::string>& known);
 
 // ---- enumerators and their words ----
 

@@ -7,7 +7,6 @@
 
 #include "imu_io/base/files.h"
 #include "imu_io/base/text.h"
-#include "orchestrator/records/known.h"
 
 namespace turncal {
 

@@ -5,7 +5,6 @@
 #include "imu_io/base/clock.h"
 #include "imu_io/base/text.h"
 #include "imu_io/recordings/recording_check.h"
-#include "orchestrator/records/known.h"
 
 namespace turncal {
 
