@@ -181,5 +181,7 @@ inline std::string file_text(const std::filesystem::path& path) {
   do {                                                               \
     const auto& checked_ = (expression);                             \
     EXPECT_FALSE(checked_.ok()) << "expected the error: " << (text); \
-    if (!checked_.ok()) EXPECT_EQ(checked_.error().message, (text)); \
+    if (!checked_.ok()) {                                            \
+      EXPECT_EQ(checked_.error().message, (text));                   \
+    }                                                                \
   } while (false)

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cctype>
 #include <cmath>
 #include <optional>
 #include <span>
@@ -187,8 +188,9 @@ bool names_no_other_thing(std::string_view label) {
       "t",           "s"};
   while (!label.empty()) {
     const auto word = std::ranges::find_if(known, [&](std::string_view w) { return label.starts_with(w); });
-    if (is_letter(label[0]) && word == std::end(known)) return false;
-    label.remove_prefix(is_letter(label[0]) ? word->size() : 1);
+    const bool begins_word = std::isalpha(static_cast<unsigned char>(label[0])) != 0;
+    if (begins_word && word == std::end(known)) return false;
+    label.remove_prefix(begins_word ? word->size() : 1);
   }
   return true;
 }

@@ -271,9 +271,13 @@ TEST(BadData, AGapCostsWhatItsTurnKnewAndNoMore) {
     for (const int k : r.free) {
       EXPECT_LT(std::abs(error[k]), 4.0 * r.sigma[k]) << parameter_keys[k];
       EXPECT_LT(r.sigma[k], 1.1 * expected[k]) << parameter_keys[k];
-      if (lost == 3) EXPECT_LT(r.sigma[k], 1.05 * clean_estimate().sigma[k]) << parameter_keys[k];
+      if (lost == 3) {
+        EXPECT_LT(r.sigma[k], 1.05 * clean_estimate().sigma[k]) << parameter_keys[k];
+      }
     }
-    if (lost == 3) EXPECT_SAYS_NOT(r.faults.front().action, "set aside");
+    if (lost == 3) {
+      EXPECT_SAYS_NOT(r.faults.front().action, "set aside");
+    }
   }
 }
 

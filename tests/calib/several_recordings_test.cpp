@@ -169,7 +169,9 @@ TEST(JoinedRecordings, OneUnitAreCleanWhateverTheirTurnOns) {
 void expect_effect(const Diagnosis& d, const EstimatedEffect& found, const std::string& key, double value) {
   const std::string name = key.substr(0, key.find('.'));
   EXPECT_TRUE(in_class(d, name)) << told(d);
-  if (found.column.key() == key) EXPECT_NEAR(found.value, value, 4.0 * found.sigma);
+  if (found.column.key() == key) {
+    EXPECT_NEAR(found.value, value, 4.0 * found.sigma);
+  }
 }
 
 // Too little of it for one recording (five sigma there), enough for both.

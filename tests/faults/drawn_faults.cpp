@@ -298,10 +298,11 @@ class DrawnStation {
       }
       if (how == "exception") {
         static constexpr std::array<int, 8> codes = {1, 2, 3, 4, 5, 6, 10, 11};
-        if (request != nullptr)
+        if (request != nullptr) {
           bytes = exception_reply(*request, codes[std::size_t(fault.which) % 8], setting_.tcp());
-        else if (setting_.table == 2)
+        } else if (setting_.table == 2) {
           bytes = {'E', 'R', 'R', '\n'};
+        }
       }
       if (how == "silence") plan.pieces.clear();
       if (how == "hang-up") {
@@ -761,10 +762,11 @@ int run_all(const Options& options) {
     running[pid] = seed;
   }
   while (!running.empty()) settle();
-  if (options.keep)
+  if (options.keep) {
     std::cout << "kept in " << base.string() << '\n';
-  else
+  } else {
     fs::remove_all(base);
+  }
   std::printf("%-10s %6s %12s %16s %11s %11s\n", "class", "runs", "ended right", "failed and said", "not judged",
               "violations");
   for (const auto& [name, count] : counts)

@@ -318,9 +318,12 @@ class MisbehavingUnit {
     if (first) state.before = sample;
     if (how == "silence" || how == "hang-up") return;
     if (how == "invalid") sample.flags |= sample_flag_invalid;
-    if (how == "counter reset" && first) counter_shift_ = std::int64_t(fault.size) - sample.counter;
-    for (std::size_t i = 0; i < 6; ++i)
+    if (how == "counter reset" && first) {
+      counter_shift_ = std::int64_t(fault.size) - sample.counter;
+    }
+    for (std::size_t i = 0; i < 6; ++i) {
       if (how == "frozen" || (how == "one frozen" && i == which)) channel(sample, i) = channel(*state.before, i);
+    }
     if (how == "axes swapped") std::swap(channel(sample, triad + which % 3), channel(sample, triad + (which + 1) % 3));
     if (how == "sign reversed") channel(sample, which) = -channel(sample, which);
     if (how == "saturated") {

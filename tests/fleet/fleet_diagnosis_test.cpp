@@ -266,8 +266,9 @@ TEST(UnitStatistics, RefitsAsTheEstimateDoes) {
   const ParameterVector refitted = u.value + u.moves.col(k).cast<double>() * value,
                         expected = to_vector(whole.parameters);
   for (int p = 0; p < parameter_count; ++p)
-    if (whole.sigma[p] > 0.0)
+    if (whole.sigma[p] > 0.0) {
       EXPECT_NEAR(refitted[p], expected[p], 0.1 * whole.sigma[p]) << parameter_keys[std::size_t(p)];
+    }
 }
 
 // Whatever the biases did between two recordings, of two walks, so that what one bias imitates in one it does not in the other.

@@ -47,7 +47,9 @@ TEST(NoiseClass, HalvesTheErrorOfWhatARecordingMeasures) {
     changed += !noise.changed.empty();
     own += std::pow(std::log(fit.noise.angle_random_walk[1] / truth), 2);
     with += std::pow(std::log(noise.noise.angle_random_walk[1] / truth), 2);
-    if (noise.changed.empty()) EXPECT_NEAR(noise.share[0], 0.79, 0.08);
+    if (noise.changed.empty()) {
+      EXPECT_NEAR(noise.share[0], 0.79, 0.08);
+    }
   }
   EXPECT_NEAR(std::sqrt(with / own), 0.46, 0.05);
   EXPECT_LE(changed, 12);  // 1 % of 400, and 3.5 sigma of it
@@ -61,7 +63,9 @@ TEST(NoiseClass, NamesARecordingThatIsLouderAndLeavesItsNoise) {
     const NoiseFit fit = part.measured(2.0, 25.0);  // 1.6 in the logarithm: 7 sigma
     const NoiseOfClass noise = noise_of_class(*of_part, fit);
     named += noise.changed == std::vector<int>{1} && noise.z[1] > 0.0;
-    if (!noise.changed.empty()) EXPECT_EQ(noise.noise.velocity_random_walk, fit.noise.velocity_random_walk);
+    if (!noise.changed.empty()) {
+      EXPECT_EQ(noise.noise.velocity_random_walk, fit.noise.velocity_random_walk);
+    }
   }
   EXPECT_GE(named, 95);
 }

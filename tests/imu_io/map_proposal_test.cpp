@@ -56,7 +56,9 @@ TEST(ShippedMaps, EachReadsItsSample) {
     const Result<CsvMap> map = good(read_csv_map(maps + c.map + ".map"));
     const Result<CsvImport> import = import_csv(*map, samples + c.file);
     expect_sample_motion(import, c.period_s, c.tolerance, c.file, c.axes);
-    if (import.ok() && c.warm) EXPECT_FLOAT_EQ(import->samples[7].temperature_c, 25.5F) << c.file;
+    if (import.ok() && c.warm) {
+      EXPECT_FLOAT_EQ(import->samples[7].temperature_c, 25.5F) << c.file;
+    }
   }
 }
 

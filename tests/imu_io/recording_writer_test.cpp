@@ -322,7 +322,9 @@ struct DamageTest : testing::Test {
   // Contiguous, inside the samples, and no dwell that was not one, nor one with other angles.
   void expect_honest(const Segments& read, std::int64_t first, std::int64_t last) const {
     for (std::size_t i = 0; i < read.size(); ++i) {
-      if (i > 0) ASSERT_EQ(read[i].start_sample, read[i - 1].end_sample);
+      if (i > 0) {
+        ASSERT_EQ(read[i].start_sample, read[i - 1].end_sample);
+      }
       ASSERT_LT(read[i].start_sample, read[i].end_sample);
       ASSERT_GE(read[i].start_sample, first);
       ASSERT_LE(read[i].end_sample, last + 1);
@@ -362,7 +364,9 @@ TEST_F(DamageTest, CutAtEveryByteIsANormalEnd) {
     auto writer = good(RecordingWriter::reopen(path, RecordingWriter::OpenSegment::keep));
     ASSERT_EQ(writer->sample_count(), read.size());
     ASSERT_OK(writer->add(std::span(samples).subspan(read.size())));
-    if (writer->open_segment()) ASSERT_OK(writer->end_segment(SegmentKind::rotate, samples.back().counter + 1, {}));
+    if (writer->open_segment()) {
+      ASSERT_OK(writer->end_segment(SegmentKind::rotate, samples.back().counter + 1, {}));
+    }
     ASSERT_OK(writer->finish());
     const auto whole = opened(path);
     expect_same(read_all(*whole), samples);

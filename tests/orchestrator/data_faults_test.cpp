@@ -223,7 +223,9 @@ TEST(DataFaults, ASpikeRepeatsTheDwellOrTheMove) {
     EXPECT_TRUE(s.at_rest());
     EXPECT_EQ(in_dwell ? outcome.repeated_dwells : outcome.repeated_moves, 1);
     EXPECT_SAYS(lines_of(s.watcher.text), "glitch: gyro y gave ");
-    if (in_dwell) EXPECT_SAYS(lines_of(s.watcher.text), ", which cannot be");
+    if (in_dwell) {
+      EXPECT_SAYS(lines_of(s.watcher.text), ", which cannot be");
+    }
   }
 }
 

@@ -55,10 +55,11 @@ TEST(Pause, WaitsForTheItemGoingOn) {
     // And it goes on, with all that was complete.
     s.watcher.on_tick = nullptr;
     s.pause_requests = 0;
-    if (s.kept.dwells.empty())
+    if (s.kept.dwells.empty()) {
       s.sink = MemorySink();
-    else
+    } else {
       s.resume = ResumePoint{s.kept.dwells.back(), false};
+    }
     s.station.resume_rest_s = 1.0;
     EXPECT_EQ(s.run().state, RunState::done);
     ASSERT_EQ(s.kept.dwells.size(), 3u);

@@ -97,8 +97,9 @@ class MemorySink : public RunSink {
     EXPECT_EQ(info_in.unit_serial, info.unit_serial);
     open = false;
     while (!segments.empty() &&
-           (segments.back().end_sample > end_sample || segments.back().end_sample <= segments.back().start_sample))
+           (segments.back().end_sample > end_sample || segments.back().end_sample <= segments.back().start_sample)) {
       segments.pop_back();
+    }
     EXPECT_EQ(segments.empty() ? -1 : segments.back().end_sample, end_sample) << "a completed dwell is lost";
     last_counter = end_sample - 1;
     return step();

@@ -47,8 +47,9 @@ TEST_F(Page, ServesStatusAndLetsNothingBeWritten) {
   for (const char* text :
        {"\"unit\":\"SN-7\"", "\"simulated\":true", "\"step_count\":14", "\"eta_utc\":\"2026-01-01T00:1",
         "\"temperature_c\":2", "\"position_deg\":[", "\"rate_degps\":[", "\"still_gyro_degps\":", "\"lost_samples\":0",
-        "\"transitions\":[\"2026"})
+        "\"transitions\":[\"2026"}) {
     EXPECT_SAYS(status->body, text);
+  }
   const std::string heartbeat = "\"heartbeat_age_s\":";
   const std::size_t age = status->body.find(heartbeat);
   ASSERT_NE(age, std::string::npos);
@@ -62,8 +63,9 @@ TEST_F(Page, ServesStatusAndLetsNothingBeWritten) {
   EXPECT_EQ(head->status, 200);
   EXPECT_EQ(client.Head("/favicon.ico")->status, 404);
   for (const char* text :
-       {"A step of one or two pulses is the resolution of the unit", "width=device-width", "break-inside:avoid"})
+       {"A step of one or two pulses is the resolution of the unit", "width=device-width", "break-inside:avoid"}) {
     EXPECT_SAYS(page->body, text);
+  }
   for (const char* other : {"/run.log", "/../out/run.log", "/status.json/x", "/favicon.ico"}) {
     const auto answer = client.Get(other);
     ASSERT_TRUE(answer) << other;
@@ -143,8 +145,9 @@ TEST(PageServer, Addresses) {
   EXPECT_EQ(host("[::1]:0"), "::1 0");
   EXPECT_EQ(host("localhost:65535"), "localhost 65535");
   for (const char* bad :
-       {"", "8080", ":8080", "here", "here:", "here:65536", "here:-1", "::1:80", "[]:80", "[::1]", "[::1:80"})
+       {"", "8080", ":8080", "here", "here:", "here:65536", "here:-1", "::1:80", "[]:80", "[::1]", "[::1:80"}) {
     EXPECT_EQ(host(bad), "refused") << bad;
+  }
 }
 
 LiveRun a_run() { return {.unit = "SN1", .station = "s", .sequence = "q", .folder = "out", .simulated = true}; }

@@ -39,7 +39,9 @@ class Storage : public Program {
   }
   // Somebody else holds the results database.
   void hold_database(const char* statements) {
-    if (held_ == nullptr) ASSERT_EQ(sqlite3_open(path("results.db").c_str(), &held_), SQLITE_OK);
+    if (held_ == nullptr) {
+      ASSERT_EQ(sqlite3_open(path("results.db").c_str(), &held_), SQLITE_OK);
+    }
     sqlite3_busy_timeout(held_, 10'000);  // the run begins by a row of its own
     ASSERT_EQ(sqlite3_exec(held_, statements, nullptr, nullptr, nullptr), SQLITE_OK);
   }

@@ -159,7 +159,7 @@ int main(int argc, char** argv) {
   Study study;
   std::string name = "forty_minutes.seq", store;
   bool good = argc >= 3 && argc % 2 == 1;
-  for (int k = 3; good && k < argc; k += 2)
+  for (int k = 3; good && k < argc; k += 2) {
     if (std::strcmp(argv[k], "--units") == 0)
       study.units = std::strtoull(argv[k + 1], nullptr, 10);
     else if (std::strcmp(argv[k], "--stations") == 0)
@@ -170,6 +170,7 @@ int main(int argc, char** argv) {
       store = argv[k + 1];
     else
       good = false;
+  }
   if (!good) {
     std::fprintf(
         stderr,

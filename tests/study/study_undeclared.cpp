@@ -430,11 +430,12 @@ Said said_by(const Diagnosis& d) {
   std::erase_if(said.nodes, [](const Node& n) { return n.probability < 0.8; });
   const auto is_below = [](const Node& a, const Node& b) {  // a below b
     int deeper = 0;
-    for (const auto field : {&Node::quantity, &Node::driver, &Node::formula})
+    for (const auto field : {&Node::quantity, &Node::driver, &Node::formula}) {
       if ((b.*field).empty())
         deeper += !(a.*field).empty();
       else if (a.*field != b.*field)
         return false;
+    }
     return a.sensor == b.sensor && deeper > 0;
   };
   for (Node& n : said.nodes)

@@ -101,10 +101,11 @@ class LevelDrives : public LineServer {
     }
     if (request->address == 0) {
       const bool ignored = (request->values[0] & 1) == 0 && refuses_off > 0;
-      if (ignored)
+      if (ignored) {
         --refuses_off;
-      else
+      } else {
         drive.write_control(request->values[0]);
+      }
     } else if (request->address == 0x20) {
       drive.target = std::int32_t(std::uint32_t(request->values[0]) << 16 | request->values[1]);
       drive.commanded_rate = double(std::uint32_t(request->values[2]) << 16 | request->values[3]);

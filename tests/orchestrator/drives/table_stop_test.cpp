@@ -90,10 +90,11 @@ TEST_F(LastWord, ExceptionOrSignalInMidMove) {
       if (signal) ++stop_requests;
       if (!signal) throw std::runtime_error("in mid-move");
     };
-    if (signal)
+    if (signal) {
       run();
-    else
+    } else {
       EXPECT_THROW(run(), std::runtime_error);
+    }
     EXPECT_TRUE(drives.all_off()) << signal;
     EXPECT_EQ(drives.drive(2).rate, 0.0);
     EXPECT_GE(drives.drive(2).words.size(), 2u);

@@ -28,7 +28,9 @@ TEST(DwellResiduals, FindTheErrorsOfTheSensorsInTheirOwnAxes) {
     for (int axis = 0; axis < 3; ++axis) {
       const bool horizontal = d.level_share[axis] > 0.5;
       EXPECT_EQ(horizontal, std::abs(d.f_b_g[axis]) < 0.5);
-      if (horizontal) EXPECT_NEAR(d.after.gyro_radps[axis], gyro.gyro_radps[axis], 1e-12) << k << " axis " << axis;
+      if (horizontal) {
+        EXPECT_NEAR(d.after.gyro_radps[axis], gyro.gyro_radps[axis], 1e-12) << k << " axis " << axis;
+      }
     }
   }
 }
@@ -88,7 +90,9 @@ TEST(EffectFigure, ShowsEveryEffectOfTheCatalogueAgainstWhatItDependsOn) {
       EXPECT_EQ(panel.series[0].points.size(), panel.series[1].points.size()) << name;
     }
     for (const auto& [effect, label] : expected)
-      if (name == effect) EXPECT_EQ(figure.panels.front().x_label, label) << name;
+      if (name == effect) {
+        EXPECT_EQ(figure.panels.front().x_label, label) << name;
+      }
   }
 }
 

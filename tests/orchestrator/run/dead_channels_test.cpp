@@ -58,7 +58,9 @@ TEST(DeadChannels, AllSixFrozenAreNamedWithTheVerySamples) {
     const std::int64_t told = 20000 - monitor.remaining();
     EXPECT_LE(told, std::min<std::int64_t>(from + length + 500, 20000));
     EXPECT_GE(told, from + length);
-    if (draw % 10 == 0) ASSERT_EQ(dwell_defect(monitor, dwell(random, 0, 4000)), "");
+    if (draw % 10 == 0) {
+      ASSERT_EQ(dwell_defect(monitor, dwell(random, 0, 4000)), "");
+    }
   }
 }
 

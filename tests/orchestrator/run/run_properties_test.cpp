@@ -235,10 +235,11 @@ std::string run_with(const std::vector<Disturbance>& disturbances, Tally& tally)
     s.rig.release_emergency_stop();
     s.rig.clear_faults();
     s.devices.devices().wait(1.0);
-    if (journal.dwells.empty())
+    if (journal.dwells.empty()) {
       s.sink = MemorySink();
-    else
+    } else {
       s.resume = ResumePoint{journal.dwells.back(), false};
+    }
   }
 }
 

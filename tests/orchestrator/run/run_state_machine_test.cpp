@@ -55,7 +55,9 @@ TEST(RunStateMachine, EveryPairHasExactlyOneOutcome) {
         const bool ignored = listed_ignored(state, event);
         EXPECT_LE(rows + (ignored ? 1 : 0), 1) << where;
         const Transition transition = next(state, event, guards);
-        if (is_final(state)) EXPECT_EQ(transition.to, state) << where;
+        if (is_final(state)) {
+          EXPECT_EQ(transition.to, state) << where;
+        }
         if (rows == 1) {
           EXPECT_EQ(transition.outcome, Transition::Outcome::taken) << where;
         } else if (ignored) {

@@ -74,14 +74,23 @@ TEST(StationRun, ADisturbedDwellIsRepeatedAndTheRunGoesOn) {
     EXPECT_EQ(outcome.repeated_dwells, d.repeats);
     EXPECT_EQ(s.watcher.count(RunEvent::dwell_bad), d.repeats);
     EXPECT_EQ(s.watcher.count(RunEvent::move_next), d.moves);
-    for (const TransitionRecord& record : s.watcher.transitions)
-      if (record.event == RunEvent::dwell_bad) EXPECT_SAYS(record.detail, d.says);
+    for (const TransitionRecord& record : s.watcher.transitions) {
+      if (record.event == RunEvent::dwell_bad) {
+        EXPECT_SAYS(record.detail, d.says);
+      }
+    }
     for (const Segment& segment : s.sink.segments) {
       const std::int64_t length = segment.end_sample - segment.start_sample;
-      if (segment.kind == SegmentKind::still) EXPECT_EQ(length, 2000) << "repeated whole";
-      if (segment.kind == SegmentKind::align) EXPECT_EQ(length, 1000);
+      if (segment.kind == SegmentKind::still) {
+        EXPECT_EQ(length, 2000) << "repeated whole";
+      }
+      if (segment.kind == SegmentKind::align) {
+        EXPECT_EQ(length, 1000);
+      }
     }
-    if (d.repeats == 0) EXPECT_EQ(s.sink.sample_count, two_steps_samples);
+    if (d.repeats == 0) {
+      EXPECT_EQ(s.sink.sample_count, two_steps_samples);
+    }
   }
 }
 

@@ -127,7 +127,9 @@ TEST_P(ModbusExceptions, AreRepeatedOrSaid) {
   const Result<AxisStatus> first = s.driver.status(Axis::pitch);
   const bool asked_again = code >= 5;
   EXPECT_EQ(first.ok(), asked_again);
-  if (first) EXPECT_NEAR(first->position_deg, 30.0, 1e-3);
+  if (first) {
+    EXPECT_NEAR(first->position_deg, 30.0, 1e-3);
+  }
   always = true;
   const Result<AxisStatus> status = s.driver.status(Axis::pitch);
   ASSERT_TRUE(fails(status, code <= 3 ? ErrorKind::input : ErrorKind::device));
@@ -173,7 +175,9 @@ TEST(ModbusFaults, HangUpInMidReplyAndInMidMove) {
     const Result<AxisStatus> lost = s.driver.status(Axis::pitch);
     EXPECT_FALSE(lost.ok());
     EXPECT_LT(monotonic_s() - began_s, 2.0);
-    if (!lost) EXPECT_EQ(lost.error().kind, ErrorKind::device);
+    if (!lost) {
+      EXPECT_EQ(lost.error().kind, ErrorKind::device);
+    }
     s.station.disturb(nullptr);
     if (tcp) {  // it takes connections again: the stop makes one for itself, and nothing resumes
       EXPECT_TRUE(s.driver.stop_all().ok());

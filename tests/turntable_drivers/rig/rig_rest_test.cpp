@@ -336,12 +336,13 @@ TEST(RigAgainstAnotherSimulator, SameUnitSameMotionSamePulses) {
       const double difference =
           theirs[std::size_t(segment.end_sample)][k] - theirs[std::size_t(segment.start_sample)][k] - ours[k];
       const std::string where = "samples " + std::to_string(segment.start_sample) + " on, column " + std::to_string(k);
-      if (k >= 3)
+      if (k >= 3) {
         EXPECT_NEAR(difference * 0.0005 / seconds, 0.0, 0.03) << where;  // m/s^2: 10 arc minutes of g
-      else if (segment.kind == SegmentKind::rotate)
+      } else if (segment.kind == SegmentKind::rotate) {
         EXPECT_NEAR(difference * 0.932920 / 3600.0, 0.0, 0.45) << where;  // deg in up to 360
-      else
+      } else {
         EXPECT_NEAR(difference * 0.932920 / seconds, 0.0, 0.09) << where;  // deg/h: tilt 0.04, noise 0.012
+      }
     }
   }
 }

@@ -61,8 +61,9 @@ TEST(RigTable, RefusesWhatItsLimitsForbid) {
   Station s;
   for (const Status& status :
        {s.table.move_absolute(Axis::pitch, -3600.1, 10.0, 10.0), s.table.move_absolute(Axis::pitch, 10.0, 100.1, 10.0),
-        s.table.move_absolute(Axis::pitch, 10.0, 10.0, 201.0)})
+        s.table.move_absolute(Axis::pitch, 10.0, 10.0, 201.0)}) {
     ASSERT_TRUE(fails(status, ErrorKind::device, "pitch"));
+  }
   EXPECT_TRUE(fails(s.table.move_absolute(Axis::pitch, -3600.1, 10.0, 10.0), "-3600.1 deg: expected -3600 to"));
   s.go(Axis::pitch, 10.0);
   EXPECT_FALSE(s.table.move_absolute(Axis::pitch, 20.0, 10.0, 10.0).ok()) << "one move at a time";
