@@ -44,9 +44,9 @@ void read_increments(KeyValueFile& file, IncrementKind& gyro, IncrementKind& acc
 }
 
 const InertialUnit* read_unit(KeyValueFile& file, const std::string& key, const std::vector<std::string>& names) {
-  const std::string name = ascii_units(file.text(key));
+  const std::string name = ascii_units(file.has(key) ? file.text(key) : file.one_of(key, names));
   if (std::ranges::find(names, name) == names.end()) {
-    file.reject(key, one_of(name, names));
+    if (file.has(key)) file.reject(key, one_of(name, names));
     return nullptr;
   }
   const auto unit = std::find_if(std::begin(inertial_units), std::end(inertial_units),

@@ -131,7 +131,7 @@ class Module(unittest.TestCase):
         short = turncal.load("short")
         for kind, arguments, call in [
                 (turncal.InputError, ("calibrate", "none", "--out", "x"), lambda: turncal.load("none")),
-                (turncal.InputError, ("allan", "run", "--map", "none.map"), lambda: turncal.import_table("run", "none.map")),
+                (turncal.InputError, ("allan", "level.seq", "--map", "none.map"), lambda: turncal.import_table("level.seq", "none.map")),
                 (turncal.UnitFailedError, ("calibrate", "short", "--out", "x"), lambda: turncal.calibrate(short)),
                 (turncal.InputError, ("diagnose", "short", "--holdout", "run", "--out", "x"),
                  lambda: turncal.diagnose(short, holdouts=[turncal.load("run")]))]:
@@ -182,7 +182,7 @@ class Module(unittest.TestCase):
     def test_a_table_is_imported_by_its_map(self):
         program("export", "run", "--out", "for_map")
         pathlib.Path("my.map").write_text("unit_serial = PY\ngravity_mps2 = 9.79\nrate_hz = 200\ngyro.columns = gyro_x, gyro_y, gyro_z\ngyro.unit = arcsec\n"
-                                          "accel.columns = accel_x, accel_y, accel_z\naccel.unit = m/s\n")
+                                          "accel.columns = accel_x, accel_y, accel_z\naccel.unit = m/s\naccel.scale = 4.9e-4\n")
         table = turncal.import_table("for_map/imu.csv", "my.map")
         self.assertEqual((len(table), table.segments), (len(turncal.load("run")), ()))
         self.assertGreater(len(table.with_rests().segments), 10)
