@@ -229,7 +229,7 @@ void StuckChannels::add(const ImuSample& sample, bool at_rest, std::vector<ImuSa
       if (at_rest && channel.run > 0) {
         channel.step = std::min(channel.step, change);
         channel.larger += change > beyond_step * channel.step ? 1.0 : 0.0;
-        channel.seen += double(std::min(channel.run, enough_of(channel)));
+        channel.seen += channel.run == 1 ? 1.0 : double(std::min(channel.run, enough_of(channel)));
       }
       channel.value = value;
       channel.run = at_rest ? 1 : 0;
