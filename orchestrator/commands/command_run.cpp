@@ -16,6 +16,7 @@
 #include "orchestrator/devices/operator_prompts.h"
 #include "orchestrator/devices/stop_signals.h"
 #include "orchestrator/jobs/run.h"
+#include "orchestrator/records/output_folder.h"
 #include "orchestrator/records/parameter_store.h"
 #include "orchestrator/records/unit_queue.h"
 #include "orchestrator/report/diagnosis_file.h"
